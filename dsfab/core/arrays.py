@@ -30,7 +30,7 @@ def lock(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) ->
 
 
 def lock_floats(owner: object, **shapes: tuple[int | None, ...]) -> None:
-    """Replace the named fields of a frozen dataclass by read-only copies of these shapes, of floats (see `lock`)."""
+    """Replace the named fields of a frozen dataclass by read-only copies, floats of the given shapes (see `lock`)."""
     for name, shape in shapes.items():
         lock(owner, name, np.float64, shape)
 
@@ -125,8 +125,7 @@ def face_angles(V: Floats, F: Ints) -> Floats:
 
 def distances_from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
     """Return the distances (...) of points (..., 3) from the segments from a to b (..., 3)."""
-    along, to = b - a, points - a
-    return np.asarray(np.linalg.norm(to - positions_on_segments(points, a, b)[..., None] * along, axis=-1))
+    return np.asarray(np.linalg.norm(points - a - positions_on_segments(points, a, b)[..., None] * (b - a), axis=-1))
 
 
 def positions_on_segments(points: Floats, a: Floats, b: Floats) -> Floats:
@@ -153,8 +152,7 @@ def sorted_order(keys: Ints) -> Ints:
 
 
 def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return `sorted_order` of integers (k,), the starts of groups of equal keys in it, and the group (k,) of each
-    key."""
+    """Return `sorted_order` of integers (k,), the starts of groups of equal keys in it, and each key's group (k,)."""
     order, ascending = _stable_sort(keys)
     is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     group = np.empty(len(keys), dtype=np.int64)
@@ -198,7 +196,7 @@ ALIKE = 0.05
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
-    """Return a value near `threshold` that splits values (k,) into small and large ones. The result is the threshold
+    """Return a value near `threshold` that splits values (k,) into small and large. The result is the threshold
     itself, or the middle of the widest gap within `tolerance` of the threshold. Nearly equal values are on the same
     side, for example the widths of openings between two rings of a dome."""
     close_values = values[np.abs(values - threshold) < tolerance]

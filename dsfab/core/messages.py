@@ -71,7 +71,7 @@ def length(metres: float) -> str:
 
 
 MEANINGFUL_FACTOR = 1000.0
-"""Largest factor on a load that is printed: above it the compression is nothing but rounding or a secondary effect."""
+"""Largest factor on a load that is printed; with larger factors the compression is only rounding or a side effect."""
 
 
 def load_factor(factor: float) -> str:

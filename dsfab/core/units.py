@@ -4,7 +4,7 @@ from dsfab.core.errors import SurfaceError
 
 METRES_PER: dict[str, float] = {
     "mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "m": 1.0, "km": 1e3, "in": 0.0254, "ft": 0.3048, "yd": 0.9144, "um": 1e-6,
-    "us-ft": 1200 / 3937,  # US survey foot, in which older land surveys of the United States are
+    "us-ft": 1200 / 3937,  # US survey foot, the unit of older land surveys in the United States
 }  # fmt: skip
 """Metres in each unit that a preset or a file may declare."""
 

@@ -17,25 +17,20 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 
 CLEAR_MOMENT = 1e-2
-"""A moment below this share of its natural size counts as zero; inertias that differ by a smaller share count as
-equal."""
+"""Moments, and differences of inertias, below this fraction of their natural size count as zero."""
 
 
+@one_blas_thread()
 def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Sequence[Floats] = ()) -> Floats:
     """Return right-handed orthonormal axes (3, 3), by rows, that rotate with the surface.
 
     weights : (n,) each, not negative: scalars on the vertices, such as the size of the load or the supports.
     vectors : (3,) each, such as the resultant of the loads.
 
-    The axes follow the first clear directions of this list: the vectors; the lines from the surface's centroid to that
-    of every weight; the skew of the area; principal axes of inertia of the area and of the weights, towards positive
-    third moments; the axes x, y and z. A dome under its own weight determines only its own axis, and any rotation of
-    its pattern about this axis is equally good."""
-    with one_blas_thread():
-        return _axes(surface, weights, vectors)
-
-
-def _axes(surface: Surface, weights: Sequence[Floats], vectors: Sequence[Floats]) -> Floats:
+    The axes follow the first clear directions of this list: the vectors; the lines from the surface's centroid to the
+    centroid of every weight; the skew of the area; principal axes of inertia of the area and of the weights, towards
+    positive third moments; the axes x, y and z. A dome under its own weight determines only its own axis, and any
+    rotation of its pattern about this axis is equally good."""
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     measures = [mass, *(mass * weight for weight in weights if (mass * weight).sum() > 0)]
@@ -78,7 +73,7 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
 
 
 REPEATED = 1e-6  # Eigenvalues count as repeated if their relative difference is smaller.
-VISIBLE = 1e-2  # A reference field fixes a basis or a sign only if this part of it lies in the eigenspace.
+VISIBLE = 1e-2  # A reference field fixes a basis or a sign only if a larger part of it lies in the eigenspace.
 SPARE = 2
 """Number of eigenpairs computed beyond the requested number, so that a repeated last eigenvalue is mostly complete."""
 
@@ -114,10 +109,10 @@ def diffusion_modes(
     """Return the k smallest modes of L x = lambda M x that are not constant (paper, section 3.4), M the Voronoi mass.
 
     The method is shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. Modes are scaled as on a surface of area 4 pi, so
-    that frequencies mean the same at any size: on the unit sphere modes are M-normalised. Signs and bases of repeated
-    eigenvalues do not depend on the solver (`_canonical`), and rotate with the surface if the axes do.
+    that a frequency gives as many stripes at any size; on the unit sphere modes are M-normalised. Signs and bases of
+    repeated eigenvalues do not depend on the solver (`_canonical`), and rotate with the surface if the axes do.
 
-    axes     : (3, 3) rows, for signs and bases; by default those of the surface alone (`reference_axes`).
+    axes     : (3, 3) rows, for signs and bases; by default the axes of the surface alone (`reference_axes`).
     symmetry : if set, only modes that are equal at all images count; more pairs are computed until k such modes exist.
     Raises PatternError if the mesh has too few vertices for k modes."""
     return family_modes(surface, [L], k, axes, symmetry)[0]

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_array, eye_array
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.arrays import Floats, Ints, lock
 from dsfab.core.errors import PatternError
 from dsfab.surface import (
     FAR_TOLERANCE,
@@ -28,14 +28,11 @@ from dsfab.surface import (
     weights_at,
 )
 
-IMAGE_OFF_SURFACE = 0.25  # Largest distance of images of vertices from the surface, as a share of the mean edge.
+IMAGE_OFF_SURFACE = 0.25  # Largest distance of images of vertices from the surface, divided by the mean edge.
 OFF_SUPPORT = 1.0
-"""Largest distance between images of supported vertices and supported vertices, in mean edges, the accuracy of a
-picker."""
-
+"""Largest distance of images of supported vertices from supported vertices, in mean edges: a picker's accuracy."""
 OFF_LOAD = (0.3, 0.02)
-"""Largest difference of loads from their images, as shares of the load: of smoothed forces, then of resultants."""
-
+"""Largest difference of loads from their images, divided by the total load: of smoothed forces, then of resultants."""
 SAMPLE_POINTS = 100  # Number of points in the sample that is checked before all points.
 
 
@@ -73,16 +70,15 @@ class Symmetry:
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the largest difference of a field (n,) from its images: RMS over the area, divided by the field's
-        RMS."""
+        """Return the RMS over the area of a field (n,) minus its image, over the field's RMS: the largest ratio."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
         """Return the modes of X (n, k) that are equal at all images: eigenvalues (j,) and M-orthonormal modes (n, j).
-        They are combinations of the group means of X, whose singular values are 1 or 0 on a symmetric mesh. Among these
-        combinations L is diagonalised again (Rayleigh and Ritz)."""
+        The modes are combinations of the group means of X, whose singular values are 1 or 0 on a symmetric mesh. Among
+        these combinations L is diagonalised again (Rayleigh and Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # squared singular values are near 0 or 1
@@ -199,25 +195,15 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
                 if np.abs(turned - np.diag(kind_held.astype(float))).max() < MATRIX_TOLERANCE
             ]
             if not alike:
-                raise _symmetry_error(
-                    words, "the supports are", f"they hold only {_axis_letters(holds)}, which the symmetry rotates"
-                )
+                axes = "".join(axis for axis, is_held in zip("xyz", holds, strict=True) if is_held)
+                raise _symmetry_error(words, "the supports are", f"they hold only {axes}, which the symmetry rotates")
             image = (surface.V[of_kind] - centre) @ R.T + centre
-            distance = _distance_to_marked(image, surface, np.isin(kind.ravel(), alike))
+            equal = np.flatnonzero(np.isin(kind.ravel(), alike))
+            distance = float(nearest_places(image, surface.V, equal[:, None]).distance.max())
             if distance > OFF_SUPPORT * surface.mean_edge:
                 raise _symmetry_error(
                     words, "the supports are", f"the image of a support is {distance:.3g} m from any equal support"
                 )
-
-
-def _axis_letters(holds: Bools) -> str:
-    return "".join(axis for axis, is_held in zip("xyz", holds, strict=True) if is_held)
-
-
-def _distance_to_marked(points: Floats, surface: Surface, marked: Bools) -> float:
-    if not marked.any():
-        return float("inf")
-    return float(nearest_places(points, surface.V, np.flatnonzero(marked)[:, None]).distance.max())
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
@@ -236,8 +222,7 @@ def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats
 
 
 def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
-    """Return forces (n, 3) averaged over neighbours `rounds` times; 6 rounds reach about two edges. The sum of the
-    forces is unchanged."""
+    """Return forces (n, 3) averaged over neighbours, with the same sum; 6 rounds reach about two edges."""
     ends, n = surface.edges.ends, surface.n
     share = 0.5 / np.maximum(np.bincount(ends.ravel(), minlength=n), 1)
     i, j = np.concatenate([ends, ends[:, ::-1]]).T
@@ -296,15 +281,13 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """For each load case: a sample of the supported points, and a k-d tree of all its supported points.
-        Coordinates are relative to the centroid."""
+        """Supported points of each load case, relative to the centroid: a sample, and a k-d tree of all points."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """For each load case: resultant of the forces (N), first moments (3, 3) about the centroid (N m), and sum of
-        magnitudes (N)."""
+        """Forces of each load case: resultant (N), first moments (3, 3) about the centroid (N m), sum of sizes (N)."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
@@ -348,13 +331,12 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
     """Return the normal (3,) of the best mirror for an irregular mesh of a round surface. Candidates for the normal
     point to the points that are farthest from the axis. Images of the outermost points, at least `samples`, must be
-    nearest to vertices. Among equals, the most vertices lie on the mirror or on the plane at right angles to it. The
-    choice does not depend on the numbering."""
+    nearest to vertices. Among equals, the most vertices lie on the mirror or on the plane across the mirror. The choice
+    does not depend on the numbering."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]
     outer_tree, edge = cKDTree(outer), surface.mean_edge
-
     N = far_directions(x, surface.size)[:samples]
     images = np.concatenate([outer @ mirror(normal).T for normal in N])
     misfit = np.square(outer_tree.query(images)[0]).reshape(len(N), -1).sum(axis=1) / edge**2

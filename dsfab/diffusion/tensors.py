@@ -54,7 +54,7 @@ ISOTROPY = 0.02  # A face is isotropic if its principal stresses differ by less 
 @dataclass(frozen=True, eq=False)
 class DiffusionTensors:
     """Two symmetric tensors per face, acting on gradients in the face's plane; eigenvalues r and 1, or 1 and 1.
-    major     : (m, 3, 3) r along the primary direction: the major stripes run along it.
+    major     : (m, 3, 3) r along the primary direction, the direction of the major stripes.
     minor     : (m, 3, 3) r along the secondary direction.
     isotropic : (m,) faces without a preferred direction.
     principal : (m, 2) primary and secondary principal stress, Pa (times gamma)."""

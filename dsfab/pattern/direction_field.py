@@ -16,7 +16,7 @@ from dsfab.surface import link_components
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
-"""Stripes run along the boundary if the cosine between the boundary and their gradient is less: within 17 degrees."""
+"""Stripes run along the boundary where their gradient and the boundary have a smaller cosine: within 17 degrees."""
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
@@ -59,7 +59,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     while unvisited.any():
-        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # without rounding errors
+        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # rounded, so that equal areas stay equal
         order, predecessor = breadth_first_order(tree, root, directed=False)
         unvisited[order] = False
         for child in order[1:].tolist():
@@ -107,7 +107,7 @@ def _cut_edges(surface: Surface, singular: Bools) -> Bools:
 
 
 def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools) -> list[int]:
-    """Return the edges that a path crosses from a face to its start: a singular face, or the boundary, also crossed."""
+    """Return the edges that a path crosses from its start, a singular face or the boundary itself, to a face."""
     edges, path_edges = surface.edges, []
     while predecessor[face] >= 0:
         path_edges.append(int(np.intersect1d(edges.of[face], edges.of[predecessor[face]])[0]))
@@ -118,7 +118,7 @@ def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools)
 
 
 def _path_ends(surface: Surface, singular: Bools) -> Ints:
-    """Return the number (m,) of the singular face or boundary in which a path may end in a face; 0 elsewhere."""
+    """Return for each face (m,) the number of the singular face or boundary at which a path may end; 0 for none."""
     edges = surface.edges
     count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
@@ -160,8 +160,7 @@ FLOOR = 1e-6  # Least weight of the stress, so that the field is unique on an un
 @dataclass(frozen=True, eq=False)
 class StressDirections:
     """Stresses that the field follows, on the faces.
-    stress : (m, 2) principal stresses, any unit; major stripes run along the first. direction : (m, 2, 3) their unit
-    directions."""
+    stress : (m, 2) principal stresses, any unit; major stripes run along the first. direction : (m, 2, 3) unit."""
 
     stress: Floats
     direction: Floats
@@ -178,13 +177,13 @@ class StressDirections:
 
 RISE = (0.02, 0.75)
 """Limits of the mean squared slope (sine) of a shell with arches: a flat plate has 0, half a sphere 2/3, a tower 1."""
-CLEAR_SHARE = 0.75  # Least share of its area on which a family does what its name says.
+CLEAR_SHARE = 0.75  # Least share of a family's area on which its title, such as pressed, must be true.
 
 
 class FamilyRole(NamedTuple):
     """The part of a family of stripes in carrying the loads.
     key    : "major" or "minor".    shape : "arches", "hoops" or "purlins" (straight level lines); "" for other shapes.
-    pulled : share of the area, weighted by stress, on which the family is pulled, 0 to 1; NaN if it is unknown."""
+    pulled : share of the area, weighted by stress, on which the family is pulled, 0 to 1; NaN if unknown."""
 
     key: str
     shape: str = ""
@@ -202,8 +201,7 @@ class FamilyRole(NamedTuple):
 
 def family_roles(surface: Surface, directions: StressDirections) -> tuple[FamilyRole, FamilyRole]:
     """Return the roles of the major and the minor family under signed principal stresses; z points up.
-    Weighted by squared slope, hoops and purlins are level, and the other family rises. If it is pressed, it has arches.
-    """
+    Hoops and purlins are level, in the mean weighted by squared slope. A pressed family that rises has arches."""
     size = surface.areas[:, None] * np.abs(directions.stress)
     total = size.sum(axis=0)
     pulled = np.divide((size * (directions.stress > 0)).sum(axis=0), total, out=np.full(2, np.nan), where=total > 0)

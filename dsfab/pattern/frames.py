@@ -14,8 +14,8 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Largest number of vertices at reversed edges that are eliminated separately, because each costs one solve for every
-factor. At 10,000 points, twice as many take as long as the real matrix of twice the size."""
+"""Most vertices at reversed edges that are eliminated separately, because each vertex costs one solve for every factor.
+At 10,000 points, twice as many vertices take as long as the real matrix of twice the size."""
 
 Solve = Callable[[Complexes], Complexes]
 
@@ -91,7 +91,7 @@ class _EntryPositions:
 
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
-    """Return the solver b -> x of H x - W conj(x) = b from that of H; W (n, s) acts on conjugates at vertices (s,).
+    """Return the solver b -> x of H x - W conj(x) = b; `solve` solves H. W (n, s) acts on conjugates at vertices (s,).
     With Z = H^-1 W, x = H^-1 b + Z conj(x): first 2 s real equations for x at these vertices, then x everywhere."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
@@ -101,7 +101,7 @@ def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
 
     def solve_corrected(b: Complexes) -> Complexes:
         x = solve(b)
-        with one_blas_thread():  # for few columns two threads need a hundred times as long as one
+        with one_blas_thread():  # for few columns two threads need a hundred times as long as one thread
             real, imaginary = np.split(inverse @ np.concatenate([x[across].real, x[across].imag]), 2)
             return np.asarray(x + Z @ (real - 1j * imaginary))
 
@@ -121,7 +121,7 @@ class Frames:
 
     @classmethod
     def for_surface(cls, surface: Surface) -> Self:
-        """Return frames with t1 along the projected x axis, or y if the normal is near x; no result depends on this."""
+        """Return frames with t1 along the projected x axis, or y if the normal is near x; this changes no result."""
         normal = surface.vertex_normals.copy()
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
         axis = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
@@ -144,7 +144,7 @@ class Frames:
         return np.arctan2(dots(y, self.t2[i]), dots(y, self.t1[i]))
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
-        """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point to one side, -1 if one of them is reversed.
+        """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point to the same side, -1 if to opposite sides.
         For perpendicular tangents the orientation of the surface decides, and not rounding errors."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)

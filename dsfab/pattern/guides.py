@@ -26,8 +26,8 @@ class Guide:
     """A curve, or a direction in a region, that stripes follow more closely the larger its weight.
 
     curve     : points of a polyline on the surface or near it, metres.
-    reach     : distance (m) from the curve, straight through space, at which its weight falls to 0; by default the
-                smaller spacing of the stripes.
+    reach     : distance (m) from the curve, straight through space, at which the guide's weight falls to 0; by default
+                the smaller spacing of the stripes.
     at        : the region, instead of a curve.    direction : of the stripes in the region; its tangential part counts.
     weight    : 1 counts as much as clear stress; 0 not at all; 100 and more overrules stress.
     family    : the family whose stripes run along the guide; stripes of the second family run across it.
@@ -113,8 +113,8 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
-    """Return the squares (n,) of the direction of the curve's nearest piece, complex; their size falls to 0 at the
-    reach. Pieces that are farther than the nearest by less than a tenth of the reach count too, with less weight."""
+    """Return squares (n,) of the direction of the curve's nearest piece, complex; their size falls to 0 at the reach.
+    Pieces at most a tenth of the reach farther away than the nearest piece count, too, with less weight."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -130,15 +130,11 @@ def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> C
         mean = (share * z**2).sum(axis=1) / share.sum(axis=1)
         square[rows] = np.maximum(1 - (nearest_piece / reach) ** 2, 0.0) ** 2 * mean
     if not nearest < reach:
-        raise _too_far_error(surface, number, nearest, reach)
+        raise PatternError(
+            f"pattern.guide.{number}: the curve is {nearest:.3g} m from the nearest vertex of the surface, but its "
+            f"reach is {reach:.3g} m; move it onto the surface, or raise reach (edges are {surface.mean_edge:.3g} m)"
+        )
     return square
-
-
-def _too_far_error(surface: Surface, number: int, nearest: float, reach: float) -> PatternError:
-    return PatternError(
-        f"pattern.guide.{number}: the curve is {nearest:.3g} m from the nearest vertex of the surface, but its reach "
-        f"is {reach:.3g} m; move it onto the surface, or raise reach (edges are {surface.mean_edge:.3g} m)"
-    )
 
 
 def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Complexes:
@@ -146,7 +142,7 @@ def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Comp
     return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
 
 
-ON_EDGE = 1e-9  # A point is on an edge of a face if its barycentric weight of the third corner is less than this.
+ON_EDGE = 1e-9  # A point is on an edge of a face if its barycentric weight at the opposite corner is smaller.
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,8 +174,7 @@ class GuideLine:
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
         """Return vertices (v,) of faces that the curve passes, and target phases (v,) there, in periods, -1/2 to 1/2.
-        g : (n, 3) unit direction of the phase's gradient at the vertices, up to sign.
-        density : (n,) periods per metre."""
+        g : (n, 3) unit direction of the phase's gradient, up to sign.    density : (n,) periods per metre."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
         begin = np.arange(len(self.points) - 1)

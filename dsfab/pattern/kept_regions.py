@@ -14,25 +14,19 @@ from dsfab.surface.topology import link_components
 
 EVEN = 0.01  # Largest error of a region's outline, divided by its reach, because distances are linear on the faces.
 SNAP = 0.05
-"""The usual `slicing.snap`: a cut moves a vertex onto the edge of a region if it is nearer than this share of the
-growth of the distance along one of its edges. dsfab halves these edges if that exceeds twice `EVEN`."""
-
+"""The usual `slicing.snap`: a cut moves an outline through a vertex within this fraction of a mesh edge.
+dsfab halves the edges of the vertex if the outline moves by more than twice `EVEN`."""
 SHORT = 1 / 16
-"""Shorter edges, as a share of the reach, are not halved: they lie between two equally near parts of the boundary."""
-
+"""Edges under this fraction of the reach are not halved: they lie between two equally near parts of the boundary."""
 FINEST = 1 / 16
-"""Edges shorter than this share of their face's longest side are not halved.
-Much smaller parts make the cut sheet hard to solve. Corners of a region are blunt by at most half of this share."""
-
+"""Edges under this fraction of their face's longest side are not halved, because tiny parts make a sheet hard to solve.
+Corners of a region are blunt by at most half of this length."""
 NEAR = 0.3
-"""Values near the edge of a region move onto it, because lines close to a vertex leave very flat triangles.
-
-A value is near if its distance from that edge is less than this share of the growth of the distance along one of the
-vertex's edges. The value moves by at most `EVEN`."""
-
+"""An outline of a region moves through a vertex within this fraction of a mesh edge, by at most `EVEN`.
+Otherwise a line close to a vertex would leave very flat triangles."""
 ASIDE = 0.1
-"""A new vertex on an edge is at its crossing with a region's edge, if this is less than this share off the edge's
-middle. Otherwise the edge of the region would pass close by the new vertex."""
+"""An edge is divided at its crossing with an outline if the crossing is within this fraction of the edge's middle.
+A new vertex at the middle would lie too close to the outline."""
 
 
 def curve_fields(
@@ -42,7 +36,7 @@ def curve_fields(
 
     A region's outline is where its field is minus its reach. Faces at the outline are halved where the distance is not
     linear. All fields share the divided surface, after at most `rounds` of halving and `most_parts` additional faces.
-    Farther outside than the longest edge, values are only finite bounds: the true values are larger."""
+    Farther outside than the longest edge, distances are only finite lower bounds."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
         fields = [
@@ -77,7 +71,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
     """Return the positions (e,) at which to divide edges, from 0 at their first end to 1.
-    An edge is divided where a single region's outline crosses it near its middle (see `ASIDE`), else at its middle."""
+    An edge is divided where a single outline crosses the edge near the middle (see `ASIDE`), else at the middle."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -97,7 +91,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,); those close to the reach (see `NEAR`) become equal to it, unless a whole face is close."""
+    """Return distances (n,); distances near the reach (see `NEAR`) become the reach, unless a whole face is near."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -105,7 +99,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return a region's field (n,) on undivided faces, by straight distances if they equal those along the surface."""
+    """Return a region's field (n,) on undivided faces; straight distances replace equal distances along the surface."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -187,11 +181,10 @@ def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float)
         edges = outline_edges(surface, faces)
         if not edges.any():
             raise PatternError(f"{region_key(regions, k)} has no edge on the surface for a band; move the region")
-        ends = np.zeros(surface.n, dtype=bool)
-        ends[surface.edges.ends[edges]] = True
         length = float(surface.edge_lengths[edges].sum())
         width = regions[k].width or rim or 0.25 * 2 * float(surface.areas[faces].sum()) / length
-        bands.append(RegionBand(Origins(ends, edges, np.zeros(surface.m, dtype=bool)), width, inside))
+        origins = Origins(_edge_ends(surface, edges), edges, np.zeros(surface.m, dtype=bool))
+        bands.append(RegionBand(origins, width, inside))
     return bands
 
 
@@ -229,17 +222,16 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
-    """Return the distance (n,), metres, to marked vertices and the edges and faces between them. It is straight for
-    patches, and along the surface for points and curves, as in `distance_to_boundary`."""
+    """Return the distance (n,), metres, to marked vertices and the edges and faces between them. The distance to a
+    patch is straight; the distance to points and curves is along the surface, as in `distance_to_boundary`."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
 
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
-    """Return the marked vertices (n,) of patches, which have marked faces; the other vertices form points and curves. A
-    face with three boundary vertices is not marked, nor is an inner edge with two, because such parts depend on the
-    mesh."""
+    """Return marked vertices (n,) of patches, which have marked faces; other marked vertices form points and curves.
+    A face with three boundary vertices, or an inner edge with two, is not marked, because both depend on the mesh."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))

@@ -23,8 +23,7 @@ class Layer(NamedTuple):
     be at corners, or on parts of faces.
 
     half_width : (n,) d in periods, for shaders.
-    closed     : (n,) an opening becomes material if the mean of these values over it exceeds 0; None closes no opening.
-    """
+    closed     : (n,) an opening becomes material if the mean of these values in the opening exceeds 0; None: never."""
 
     name: str
     field: Floats | CornerField | DividedField
@@ -68,7 +67,7 @@ class ModeFamily:
         return self.slope
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the family as one layer; it has a single field if the width does not vary, else two."""
+        """Return the family as one layer, with a single field if the width does not vary, else with two fields."""
         d = self.half_widths(widths, factor)
         if widths.vary:
             return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
@@ -134,17 +133,16 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Ratios to the crowded width between which an opening closes gradually, because members crowd around a load.
-Up to the first ratio, members become thinner; from the second ratio on they merge. The limits apply only to openings
-that do not close as a whole (`Layer.closed`)."""
+"""Ratios of a member's width to the crowded width: up to the first ratio, members become thinner so that openings stay.
+From the second ratio on members merge, as around a load. The limits apply only to openings that do not close as a whole
+(`Layer.closed`)."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
 """`CLOSING_WIDTHS` for widths that follow the stress, because stressed places need material.
 With `CLOSING_WIDTHS` a dome at half of its material is 5 % softer."""
 WHOLE = 1.3
 """Ratio of the mean width to the crowded width at which an opening closes as a whole.
-If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces it. With 1.5 the crown of a dome under a point load
-stays open, and the dome is 2 % softer."""
-
+If widths follow the stress, this ratio is the mean of `FOLLOWING_WIDTHS`. With 1.5 the crown of a dome under a point
+load stays open, and the dome is 2 % softer."""
 WIDTH_RULES = {
     "solid": SOLID,
     "open": SLIT,
@@ -160,8 +158,8 @@ class EvenFamily:
     """Stripes with centre lines at integers of a phase; after halvings, at some of these integers only, see `wanted`.
 
     phase   : at the corners, with all possible lines.
-    wanted  : for each round of halving, that of the finest lines first: (m,) the share of each face that keeps the
-              lines of this round. Lines at multiples of 2^len(wanted) run everywhere.
+    wanted  : for each round of halving, from the finest lines on: (m,) share of each face in which the round's lines
+              are drawn. Lines at multiples of 2^len(wanted) run everywhere.
     slope   : (n,) lines per metre of the phase.    density : (n,) drawn lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
     whole   : true if an opening between crowded members closes as a whole, false if only its narrow parts close."""
@@ -214,7 +212,7 @@ class EvenFamily:
         return max(SLIT, CROWDING * float(np.median(requested)))
 
     def _open_half_widths(self, requested: Floats, widths: Widths) -> Floats:
-        """Return half-widths (n,), at most so wide that openings stay open; `widths.min_gap` may close narrow ones."""
+        """Return half-widths (n,) at which openings stay open, except openings that `widths.min_gap` closes."""
         d = np.minimum(requested, self._crowded_half_width(requested))
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
@@ -222,7 +220,8 @@ class EvenFamily:
         if widths.rule == "plain":
             return requested
         crowded = self._crowded_half_width(requested)
-        d = np.interp(requested, np.array([0, 1, *_closing_limits(widths)]) * crowded, [0, crowded, crowded, SOLID])
+        ratios = FOLLOWING_WIDTHS if widths.follow_stress else CLOSING_WIDTHS
+        d = np.interp(requested, np.array([0, 1, *ratios]) * crowded, [0, crowded, crowded, SOLID])
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
     def _field(self, band: Floats, line_shares: Floats | None) -> CornerField:
@@ -234,10 +233,6 @@ class EvenFamily:
         seen = np.abs(phase.value).max() + np.abs(phase.shift[~phase.singular]).max(initial=0.0) + d.max()
         count = np.ceil(seen / period) + 1
         return np.asarray(offset + period * np.arange(-count, count + 1))
-
-
-def _closing_limits(widths: Widths) -> tuple[float, float]:
-    return FOLLOWING_WIDTHS if widths.follow_stress else CLOSING_WIDTHS
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
@@ -298,7 +293,7 @@ def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3)
     kept_points = material_points(surface, kept_layers, points)
 
     def share(layers: Sequence[Layer]) -> float:
-        with one_blas_thread():  # for narrow matrices two threads need sixty times as long as one
+        with one_blas_thread():  # for narrow matrices two threads need sixty times as long as one thread
             stripes = material_points(surface, layers[len(kept_layers) :], points)
         return float((kept_points | stripes).mean(axis=1) @ surface.areas / surface.area)
 

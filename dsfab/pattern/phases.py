@@ -16,11 +16,10 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration, over the squared spacing: it makes the matrix definite and changes no eigenvector."""
+"""Shift of the inverse iteration times the squared spacing: it makes the matrix definite and keeps its eigenvectors."""
 FLOW = 0.25  # A round of diffusion lasts the time 1 / tau with tau = `FLOW` (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
-"""A locked phase that misses its target by less (in periods) is set to the target, so that edges get straight
-members."""
+"""A locked phase within this number of periods of its target becomes the target, so that edges get straight members."""
 LOCK = 3.0  # Weight of a locked phase, as a multiple of (2 pi / spacing)^2.
 
 
@@ -35,14 +34,13 @@ class Flow:
 
     @cached_property
     def sign(self) -> Floats:
-        """Sign (e,): 1 if g points to one side at both ends of an edge, -1 if it is reversed."""
+        """Sign (e,): 1 if g points to the same side at both ends of an edge, else -1."""
         i, j = self.frames.ends.T
         return self.frames.sides(self.g, i, j)
 
     @cached_property
     def turn(self) -> Floats:
-        """Growth of the phase (e,), periods, from the first end of an edge to the second, with the sign of g at the
-        first end."""
+        """Growth (e,) of the phase along each edge, periods, from the first end and with the sign of g at that end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -64,15 +62,15 @@ class Flow:
     ) -> Floats:
         """Return phases (n,) at the vertices, in periods, -1/2 to 1/2, each with the sign of g at its vertex.
 
-        They minimise the sum over the edges of w |psi_j - e^{2 pi i turn} psi_i|^2, psi_i conjugated if g is reversed.
-        The first minimum is over all psi with a common norm, the second over psi of size 1 everywhere, by diffusion and
-        normalisation in turns [Merriman, Bence, Osher 1992; on phases Viertel, Osting 2019].
+        The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
+        the edges of weight w, with psi_i conjugated if g is reversed. The first minimum is over all psi with a common
+        norm. The second minimum is over psi of size 1 everywhere, by diffusion and normalisation in turns [Merriman,
+        Bence, Osher 1992; on phases Viertel, Osting 2019].
 
         start : (n,) start of the iteration; without locked vertices, a line runs through its peak.
         lock  : (n,) vertices on the centre line of a stripe.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; 0 by default.
-        free  : true to begin without locked vertices, because phases that start from these may meet out of step in
-                between.
+        free  : true to begin without locked vertices, because phases that start from two of these may not fit together.
         rounds : number of rounds of diffusion and normalisation, in which pairs of dislocations meet and vanish."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
@@ -148,8 +146,8 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
     """Return phases (n,), in periods, shifted by half a period if this brings more weight (n,) onto centre lines.
-    `Flow.solve` finds both phases equally good, because its sum of squares is the same. A shift by 1/2 and by -1/2 is
-    the same, so that signs of phases do not matter. Phases stay if the weighted mean of their cosine is above -0.02."""
+    `Flow.solve` finds both phases equally good, because both have the same sum of squares. Shifts by 1/2 and by -1/2
+    are equal, so signs of phases do not matter. Phases stay if the weighted mean of their cosine is above -0.02."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -197,8 +195,8 @@ class CornerPhase:
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
     """Return the phases (n,), in periods, of `Flow.solve` as a phase at the corners of the faces.
-    alternative : function that returns other phases (n,). It is called only if stripes end within faces, and its result
-                  is used if stripes end in fewer faces."""
+    alternative : function that returns other phases (n,), called only if stripes end within faces. Its phases replace
+                  `phase` if stripes then end in fewer faces."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -257,8 +255,8 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set signs and shifts (m,) of the faces in the `order` of a search from a first face. Each face has the sign and
-    shift relative to an earlier face. Each round adds those of the earlier face, so paths to the first face halve."""
+    """Set signs and shifts (m,) of the faces in the `order` of a search from a first face, by pointer doubling.
+    Each face has its sign and shift relative to an earlier face. Each round halves the paths to the first face."""
     child = order[1:]
     if not len(child):
         return

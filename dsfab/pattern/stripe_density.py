@@ -1,8 +1,8 @@
 """Stripes per metre, as even as possible for stripes with a given direction.
 
-Stripes with the direction of their gradient g have a density e^u with curl(e^u g) = 0, or they must end. They spread
-where directions diverge, and crowd where directions meet. This determines only the derivative of u along the stripes
-[cf. the curl-free frame fields of Diamanti et al. 2015; least squares here]."""
+Stripes with gradients along g do not end if their density e^u has curl(e^u g) = 0. So stripes spread where directions
+diverge, and crowd where directions meet. The equation determines only the derivative of u along the stripes [cf. the
+curl-free frame fields of Diamanti et al. 2015; least squares here]."""
 
 from typing import NamedTuple
 
@@ -70,12 +70,12 @@ class Halving(NamedTuple):
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     """Return the halvings that make the spacing of stripes most even, from the logarithm u (n,) of their density.
-    The least density after halving is searched from the median down to a quarter of it, in steps of 1/20 of a power of
-    two. The best has the smallest ratio of two spacings: 5 % of the surface have wider, and 5 % narrower spacing. Each
-    halving must lower it by 5 %, because it ends members; halvings on the densest 2 % of the surface do not count."""
+    The search for the least density after halving runs from the median to a quarter of the median, in factors of
+    2^(1/20). The best has the smallest ratio of two spacings: 5 % of the surface have wider, and 5 % narrower spacing.
+    Each halving must lower this ratio by 5 %, because halvings end members. The densest 2 % of the area do not count.
+    """
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
-
     ascending = np.argsort(u, kind="stable")  # quantiles of sorted values are fast
     sorted_u, sorted_mass = u[ascending], mass[ascending]
 

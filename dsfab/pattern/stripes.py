@@ -10,7 +10,6 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"  # `wave` for shaders.
-"""The function `wave` for shaders."""
 
 
 def wave(t: Floats) -> Floats:
@@ -76,20 +75,19 @@ class Stripes:
         """Return ascending values (k,) of the mode at the edges of material, over the range of x (n,).
         In phase z = frequency x + phase material is |z - k| < d for integers k, so it begins at every k - d and ends at
         every k + d: an odd number of levels lies below material."""
-        d = half_width(self.threshold)
+        d = self.half_width
         if d == 0:
             return np.empty(0)
-        z = self.frequency * x + self.phase
         if d >= 0.5:  # stripes touch, so all values are above the only level
             return np.array([x.min() - 1.0 / self.frequency])
-        k = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
+        k = self.middles(x)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
 
 
 def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
     """Return the frequency at which centre lines of stripes on a mode x (n,) are `spacing` metres apart on average.
     The mean distance is the area over the length of the centre lines, z = k for integers k. The mean of this length
-    over all phases is the integral of |grad z| (the co-area formula [Federer 1959]), so it grows with the frequency.
+    over all phases is the integral of |grad z|: the co-area formula [Federer 1959]. The mean grows with the frequency.
     Raises PatternError for a constant mode."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
     lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres of lines per unit of frequency

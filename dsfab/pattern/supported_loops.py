@@ -23,7 +23,7 @@ PULL = 100.0
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
     """Return the boundary loops (k,) with a mean radius below the spacing (m) of stripes, all of whose vertices are
-    `supported` (n,): fewer than seven stripes would end on each of them."""
+    `supported` (n,): fewer than seven stripes would end on each loop."""
     loops = [loop for loop in surface.loops if supported[loop].all()]
     return [loop for loop in loops if polygon_perimeter(surface.V[loop]) < 2 * np.pi * spacing]
 
@@ -40,7 +40,7 @@ class LoopSurroundings:
 
     @classmethod
     def from_support(cls, frames: Frames, supported: Bools, spacing: float) -> tuple[Self, ...]:
-        """Return the surroundings of each of the `small_loops`, with their arguments."""
+        """Return the surroundings of each loop of `small_loops`; arguments as for that function."""
         surface, reach, surroundings = frames.surface, REACH * spacing, []
         for loop in small_loops(surface, supported, spacing):
             on_loop = np.isin(np.arange(surface.n), loop)
@@ -54,8 +54,8 @@ class LoopSurroundings:
         return tuple(surroundings)
 
     def guidance(self, frames: Frames, stress: StressDirections, turn: float) -> Guidance:
-        """Return the directions around the loop: the family with the larger stress along rays, on average, has the
-        rays. turn : rotation of both families, radians, as for `cross_field`."""
+        """Return the directions around the loop. Rays belong to the family with the larger mean stress along rays.
+        turn : rotation of both families, radians, as for `cross_field`."""
         surface, cosine = frames.surface, dots(stress.direction[:, 0], self.outwards)
         ray_minus_ring_stress = (stress.stress[:, 0] - stress.stress[:, 1]) * (2 * cosine**2 - 1)
         share = surface.areas * self.weight[surface.F].mean(axis=1)

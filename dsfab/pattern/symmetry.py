@@ -1,4 +1,4 @@
-"""`Images`: symmetric stripes, by means of directions, densities and phases over the images of each point."""
+"""`Images`: symmetric stripes, by averages of directions, densities and phases over the images of each point."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class Images:
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
         """Return unit tangents (n, 3), up to sign, of the symmetric field nearest to the given tangents.
-        The method averages the products v v^T of the coordinates, because they do not depend on signs."""
+        The method averages the products v v^T of the coordinates, because products do not depend on signs."""
         if len(self.maps) == 1:
             return along
         n = len(along)
@@ -56,11 +56,10 @@ class Images:
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
-        """Return the projection onto symmetric phases, for phases at V (n, 3) that grow along g (n, 3), `density` (n,)
-        per metre.
+        """Return the projection onto symmetric phases that grow at V (n, 3) by `density` (n,) per metre along g (n, 3).
 
         Where g is reversed at an image, the phase is conjugated. An image of a vertex may lie between other vertices.
-        Then their phases grow along the way to the image, because a plain mean would lag if a period has few edges."""
+        Then the phases of these vertices grow on the way to the image: a plain mean lags if a period has few edges."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g

@@ -108,7 +108,7 @@ def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
     """Return means (n, ...) of values x (m, ...) of faces over about a disc of `radius` (m) around each vertex.
-    Each mean includes at least two rings of faces, and follows the surface, not through a gap between sheets."""
+    Each mean includes at least two rings of faces, and never faces across a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
     # the variance of a round is h^2 / 3 on a regular mesh of width h; the variance of a disc is R^2 / 4
@@ -151,9 +151,8 @@ def solved_factor(
     jump     : if `share` jumps past the target, error at which the nearest value still counts.
     steepest : largest growth of a share without jumps, for a relative change of the factor.
 
-    The method is regula falsi on an interval around the solution; it halves the value at an end that stays twice
-    (Illinois rule [Dowell, Jarratt 1971]). Raises PatternError if no factor gives that share (ShareJumpError for a
-    jump)."""
+    The method is regula falsi on an interval around the solution, with the Illinois rule [Dowell, Jarratt 1971]: the
+    value at an end that stays twice is halved. Raises PatternError without such a factor, ShareJumpError at a jump."""
 
     @cache
     def evaluate(factor: float) -> _End:
@@ -186,7 +185,7 @@ def solved_factor(
 def _secant_interval(
     evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
 ) -> tuple[_End, _End] | None:
-    """Return an interval around the solution, or twice the solution itself, by secants from 1; else None."""
+    """Search by secants from 1; return an interval around the solution, the solution as both ends, or None."""
     end = evaluate(1.0)
     for _ in range(5 if near_one else 1):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
@@ -199,7 +198,7 @@ def _secant_interval(
 
 
 def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
-    """Return an interval around the solution, or twice the solution itself, from the factors 0, 1, 4, 16 ..."""
+    """Return an interval around the solution, or the solution as both ends, from the factors 0, 1, 4, 16 ..."""
     start = evaluate(1.0)
     if _miss(start) <= tolerance:
         return start, start
@@ -230,10 +229,10 @@ def _unreachable_error(target: float, reach: str) -> PatternError:
 def evened_grading(
     surface: Surface, grading: Floats, work: Floats, material: Floats, spacing: float, limit: float = 2.0
 ) -> Floats:
-    """Return relative half-widths (n, k) for the next step, from those of k families, (n, k), that were cut and solved.
+    """Return relative half-widths (n, k) of k families for the next step, from the half-widths `grading` (n, k) so far.
 
     work     : (m, k) energy, joules, of each family in each face.    material : (m, k) area of each family there, m2.
-    spacing  : metres from stripe to stripe. Averages extend over 0.4 of it, so that they do not mix neighbours.
+    spacing  : metres from stripe to stripe. Averages extend over 0.4 spacings, so that neighbours do not mix.
     limit    : largest factor of a step.
 
     Widths grow with the root of the energy density, because in a member with a fixed force the density falls with the

@@ -77,29 +77,24 @@ ANALYSE, FACTORISE, SOLVE = 11, 22, 33  # Phases, in PARDISO's numbers.
 SYMMETRIC, HERMITIAN = 2, 4  # Kinds of positive definite matrices, in PARDISO's numbers.
 PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
 """Entries of PARDISO's `iparm`, counted from 0.
-
-In order, these select: values from the user; nested dissection by METIS; pivots for symmetric matrices; a count of the
-factor's entries; the two-level factorisation. With one unknown per point, a two-level factor solves in 40 % of the
-time; with three unknowns nothing changes. All further entries are 0. Entry 7 would refine at each solve and triple
-its time. A caller that needs more digits refines in longer numbers."""
-
+In this order, the entries select: values from the user; nested dissection by METIS; pivots for symmetric matrices; a
+count of the factor's entries; the two-level factorisation. With one unknown per point, a two-level factor solves in
+40 % of the time; with three unknowns nothing changes. All further entries are 0. Entry 7 would refine at each solve and
+triple its time. A caller that needs more digits refines in longer numbers."""
 BLOCKS = {36: -100}
 """Additional entry for points with several unknowns: PARDISO analyses rows with equal columns as one row.
-
 With three unknowns per point the analysis takes a third of the memory and time. The factorisation takes a few
 percent longer, a smaller cost."""
-
 ALONE = 12_000
 """Number of unknowns up to which PARDISO uses one thread. With two threads, solves of 10,000 unknowns took twice the
 time and three times the processor time, and factorisations were no faster. One thread also gives equal results on any
 number of cores."""
-
 OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory; all further codes mean a pivot that is not positive.
 Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds a matrix.
 
 
 def pardiso_matrix(K: Matrix) -> csr_array:
-    """Return the matrix (n, n); a function builds it first."""
+    """Return the matrix K (n, n), or the matrix that the function K builds."""
     return K() if callable(K) else K
 
 

@@ -10,19 +10,17 @@ from numpy.typing import NDArray
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.topology import half_edges
 
-CHUNK = 1 << 13  # Number of polygons that are measured together, because these fit the processor's cache.
+CHUNK = 1 << 13  # Number of polygons that are measured together, so that they fit the processor's cache.
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
     """Polygons as a ragged array: polygon i has the corners corner[start[i] : start[i + 1]].
 
-    start : (c + 1,).    corner : (h,) vertices.
-    sides_on : (h,) the line that each side lies on, a row of `CutLines`; 0 for none. Sides that a split has just put on
-               its level l have -1 - l.
+    start    : (c + 1,).    corner : (h,) vertices.
+    sides_on : (h,) the line of each side, a row of `CutLines`; 0 for none; -1 - l on level l of a split.
 
-    A slot is an index into `corner`. It also stands for the side from that corner to the next. `PolygonMesh` and
-    `Split` use this array; it has neither positions nor families, so it is no sheet by itself."""
+    A slot is an index into `corner`. A slot also stands for the side from its corner to the next corner."""
 
     start: Ints
     corner: Ints
@@ -34,7 +32,7 @@ class Cells:
 
     @classmethod
     def triangles(cls, F: Ints, sides_on: Ints | None = None) -> "Cells":
-        """Return the triangles F (m, 3), with sides on lines (m, 3), as polygons."""
+        """Return the triangles F (m, 3) as polygons; `sides_on` (m, 3) are the lines of their sides."""
         return cls(
             np.arange(0, 3 * len(F) + 1, 3), F.ravel(), (np.zeros_like(F) if sides_on is None else sides_on).ravel()
         )
@@ -57,14 +55,14 @@ class Cells:
         return slot
 
     def next_values(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return for each slot the value (h,) on the next slot around the same polygon."""
+        """Return for each slot the value at the next slot of its polygon; `values` (h,)."""
         result: NDArray[Any] = np.empty_like(values)
         result[:-1] = values[1:]
         result[self.start[1:] - 1] = values[self.start[:-1]]
         return result
 
     def per_polygon(self, ufunc: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
-        """Reduce values (h,) on the slots to one value (c,) for each polygon, by `ufunc`."""
+        """Combine the values (h,) at the slots of each polygon by `ufunc`; return (c,)."""
         if len(values) == 3 * len(self.sizes):  # triangles only
             a, b, c = values.reshape(-1, 3).T
             return np.asarray(ufunc(ufunc(a, b), c))
@@ -79,18 +77,18 @@ class Cells:
         return a[slots], b[slots]
 
     def slots(self, which: Ints) -> Ints:
-        """Return the slots of the polygons (k,), polygon by polygon."""
+        """Return the slots of the polygons `which` (k,), polygon by polygon."""
         sizes = self.sizes[which]
         ends = np.cumsum(sizes)
         return np.asarray(np.repeat(self.start[which] - (ends - sizes), sizes) + np.arange(int(sizes.sum())))
 
     def subset(self, which: Ints) -> "Cells":
-        """Return the polygons (k,) as a separate list."""
+        """Return the polygons `which` (k,)."""
         slots = self.slots(which)
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Put sides that lie on the levels of a split on lines (l or 1, c or 1) of `CutLines`; return the polygons."""
+        """Replace the level l of a split at each side by the line lines[l, polygon]; lines : (levels or 1, c or 1)."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -99,7 +97,7 @@ class Cells:
         return Cells(self.start, self.corner, sides_on)
 
     def triangle_sides(self, F: Ints, polygon: Ints) -> Ints:
-        """Return the lines (m, 3) that the sides of triangles F (m, 3) in polygons (m,) lie on."""
+        """Return the lines (m, 3) of the sides of triangles F (m, 3), which fill polygons (m,)."""
         slot = np.flatnonzero(self.sides_on)
         n, owner, end = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
         key = owner * n + self.corner[slot]
@@ -120,7 +118,7 @@ class Cells:
         return Cells(start - start[0], self.corner[start[0] : start[-1]])
 
     def areas(self, X: Floats) -> tuple[Floats, Floats]:
-        """(c,) areas of the polygons, and (c,) the squared distance of the farthest corner from the first."""
+        """(c,) area of each polygon, and (c,) squared distance from its first corner to its farthest corner."""
         if len(self.sizes) > CHUNK:
             parts = [self._slice(k, k + CHUNK).areas(X) for k in range(0, len(self.sizes), CHUNK)]
             area, reach = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -135,14 +133,15 @@ class Cells:
 
 
 LARGEST = 9
-"""Most corners of a polygon that `triangulate` fills at once, because its dynamic programme takes cubic time."""
+"""Larger polygons are halved before `triangulate` fills them, because its time grows with the cube of the corners."""
 
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
-    """Fill convex polygons with triangles (m, 3), all oriented alike; return also the polygon (m,) of each, ascending.
+    """Divide convex polygons into triangles (m, 3), oriented alike; return also the polygon (m,) of each, ascending.
 
-    X : (n, 3) positions. Polygons may have straight corners (180 degrees) but must have an area. Then every triangle
-    has an area, too. Each side of a polygon is a side of one triangle, so that neighbouring polygons fit."""
+    X : (n, 3) positions.
+    Polygons may have corners of 180 degrees but must have an area. Then every triangle has an area, too. Each side of
+    a polygon is a side of one triangle, so that neighbouring polygons fit."""
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
     for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
         which = np.flatnonzero(cells.sizes == size)
@@ -166,9 +165,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
 
 
 def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
-    """(g,) 4 sqrt(3) area / (sum of squared sides): 1 for equilateral triangles, 0 without area [Bank, Smith 1997].
-
-    a, b, c : (3, g) corners."""
+    """(g,) shape 4 sqrt(3) area / (sum of squared sides) of triangles with corners (3, g) [Bank, Smith 1997]."""
     u, v = b - a, c - a
     w = v - u
     squares = sum((s[0] * s[0] + s[2] * s[2]) + s[1] * s[1] for s in (u, v, w))
@@ -177,12 +174,11 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    r"""Triangles of polygons (g, size) and the row of each, by dynamic programming over sub-polygons i, i + 1, ..., j.
+    r"""Best triangles of polygons (g, size), and the row of each, by dynamic programming over corners i to j.
 
       k          rating[i, j] = max over k of min(rating[i, k], rating[k, j], quality(i, k, j)):
      / \\         the triangle on the chord i-j, and the best triangulations on its two other sides.
-    i---j
-    """
+    i---j"""
     g, size = polygons.shape
     if size == 3:
         return polygons, np.arange(g)
@@ -216,7 +212,7 @@ def _chosen_triangles(polygons: Ints, apex: Ints) -> tuple[Ints, Ints]:
 
 
 def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
-    """Return both parts of each polygon (g, size), cut so that the smaller part is largest, in groups of equal size."""
+    """Divide polygons (g, size) by the chords that make the smaller part largest; return the parts, grouped by size."""
     size = polygons.shape[1]
     spoke = X[polygons] - X[polygons[:, :1]]
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
@@ -224,7 +220,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
     i, j = np.triu_indices(size, 2)
     i, j = i[j - i < size - 1], j[j - i < size - 1]  # the first and the last corner have no chord
     corner = np.linalg.norm(np.cross(spoke[:, i], spoke[:, j]), axis=2)
-    ear = upto[:, j] - upto[:, i] - corner  # twice the area of i, i + 1, ..., j
+    ear = upto[:, j] - upto[:, i] - corner  # twice the area between corners i, i + 1, ..., j
     choice = np.minimum(ear, upto[:, -1:] - ear).argmax(axis=1)
     groups = []
     for c in np.unique(choice):
@@ -236,8 +232,8 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 
 SNAP_FLOOR = 1e-9
-"""Least snap fraction: a line closer to a vertex than this share of an edge goes through it, even at snap = 0."""
-TIP = 1e-3  # Both edges of a stripe of varying width meet where they are closer than this share of a side.
+"""Least snap fraction, which applies even at snap = 0."""
+TIP = 1e-3  # Largest snap fraction for a single edge of a stripe; at the stripe's tip both edges then meet.
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
@@ -251,11 +247,10 @@ def nearest_levels(x: Floats, levels: Floats) -> Floats:
 def snap_values(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
-    """Return a copy of x (n,) with values moved onto levels (k,) that are nearer than `fraction` of their edges' range.
+    """Return x (n,) with each value moved onto a level (k,) within `fraction` of the largest range over its edges.
 
-    sides      : the vertices at both ends of each edge.
-    difference : the range of each edge.
-    free       : (n,) values that may move."""
+    sides : both vertices of each edge.    difference : range of x over each edge.    free : (n,) values that may move.
+    """
     level = nearest_levels(x, levels)
     gap = np.abs(x - level)
     may_snap = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
@@ -267,17 +262,17 @@ def snap_values(
 
 
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
-    """Move stripes onto vertices: return a copy of x (n, 2) in which one value of a near pair is on a level (k,).
+    """Move pairs of values x (n, 2), so that one value near a level (k,) lies on the level; return the moved pairs.
 
-    reach : (n, 2) the largest range of each field over the edges at a vertex; distances to levels are relative to it.
+    reach : (n, 2) largest range of each field over the edges at a vertex; `fraction` of this range counts as near.
 
-    The second value of a pair moves by as much, so that a stripe keeps its width, but never across a level. Two
-    fields at a constant distance move like a single field that has the levels of both fields."""
+    Both values move equally, so that a stripe keeps its width, but no value moves across a level. Two fields at a
+    constant distance move like a single field that has the levels of both fields."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
-    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # at a tie the value moves up
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # equally near levels: the pair moves up
     upper_nearer = (share[:, 0] < share[:, 1]) | tie
     chosen = np.stack([upper_nearer, ~upper_nearer], axis=1)
     step = np.where(chosen, steps, 0).sum(axis=1)
@@ -291,7 +286,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
 
 
 def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
-    """Return masks (c,) of polygons wholly inside stripes and wholly outside; y (h, 2) are the values at the slots."""
+    """Return masks (c,) of polygons wholly inside and wholly outside stripes; y : (h, 2) values at the slots."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
     within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])
@@ -300,7 +295,7 @@ def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools,
 
 
 def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
-    """(n,) the largest difference along the sides that end at each vertex."""
+    """(n,) largest difference over the sides at each vertex."""
     reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)
@@ -308,4 +303,4 @@ def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floa
 
 
 def _rounding(x: Floats) -> float:
-    return float(8 * np.spacing(np.abs(x).max()))  # the error is below 8 units in the last place
+    return float(8 * np.spacing(np.abs(x).max()))  # rounding errors are below 8 units in the last place

@@ -1,4 +1,4 @@
-"""Stripes of a corner field cut out of polygons, with each vertex evaluated once for all of its polygons."""
+"""Cuts of polygons along the stripes of a corner field, whose value at a vertex serves all polygons around it."""
 
 import dataclasses
 from dataclasses import dataclass, replace
@@ -25,8 +25,8 @@ from dsfab.surface.fields import CornerField
 class PolygonField:
     """A corner field on the vertices of a mesh of polygons.
 
-    values : (n', 1 or 2) at each vertex, as the face `lead` (n',) sees them.
-    sign, shift, blank : (h,) the polygon of a slot sees sign * value + shift there, or no value in a blank slot."""
+    values : (n', 1 or 2) at each vertex, in the sign and shift of the face `lead` (n',).
+    sign, shift : (h,) the value at a slot is sign * value + shift.    blank : (h,) True for slots without a value."""
 
     mesh: PolygonMesh
     field: CornerField
@@ -60,7 +60,7 @@ class PolygonField:
         face, sign, shift = mesh.face, np.ones(len(mesh.face)), np.zeros(len(mesh.face))
         turned_slots = np.flatnonzero(
             field.changed_faces[face] | field.changed_faces[lead][mesh.cells.corner]
-        )  # elsewhere the signs of neighbours agree
+        )  # elsewhere the sign is 1 and the shift 0
         if len(turned_slots):
             vertex, slot_face = mesh.cells.corner[turned_slots], face[turned_slots]
             lead_face, support_vertex = lead[vertex], mesh.support[vertex]
@@ -99,7 +99,7 @@ class PolygonField:
         return np.asarray(y)
 
     def with_values(self, values: Floats) -> "PolygonField":
-        """Return the same field with other values (n', s) for one or two sides."""
+        """Return the field with other values (n', 1 or 2)."""
         if values is self.values:
             return self
         changed = replace(self, values=values)
@@ -113,9 +113,9 @@ class PolygonField:
         )
 
     def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
-        """Return the field on the mesh after a split by one of its sides; new vertices lie on levels exactly.
+        """Return the field after a split along its upper (0) or lower (1) values, with exact levels at new vertices.
 
-        lines : (l, 1) the lines of the mesh on the levels."""
+        lines : (l, 1) the line of each level."""
         mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
         cut = self.slot_values(side)
         up = cut[split.side] < cut[following[split.side]]
@@ -129,7 +129,7 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """(h,) masks of the sides of the first and of the second polygon, on edges where the field changes its sign."""
+        """(h,) masks of the first and of the second side of each edge across which the field changes its sign."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -154,13 +154,13 @@ class PolygonField:
 def corner_band(
     mesh: PolygonMesh, field: CornerField, levels: Floats, snaps: tuple[float, float], size: float, edges: Ints
 ) -> tuple[PolygonMesh, Bools]:
-    """Cut the void polygons along the edges of the stripes of a corner field; return also a mask (c',) of new material.
+    """Cut the void polygons along the stripes of a corner field; return also a mask (c',) of new material.
 
-    snaps : snap fraction and tip, see `cut` and `TIP`.    size : of the surface, metres.
-    edges : (l, 2) the lines of the mesh that are the edges of each stripe.
+    snaps : snap fractions of whole stripes and of tips, see `cut` and `TIP`.    size : of the surface, metres.
+    edges : (l, 2) the lines of the mesh on each level, for the upper and the lower field.
 
-    If neighbours see the field with opposite signs, the upper edge of a stripe in one face is its lower edge in the
-    next face. Levels of both edges divide such a mesh edge before the cut, so that both faces get the same vertices."""
+    Across some mesh edges the field changes its sign: the upper edge of a stripe continues as its lower edge. Levels
+    of both fields divide such mesh edges before the cut, so that both faces get the same vertices."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -179,14 +179,14 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """(c,) mask of nodes: void polygons of blank faces with stripes along more than half of their outline."""
+    """(c,) mask of void polygons in blank faces, with stripes along more than half of their outline."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
     owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner)
     touched = np.zeros(len(mesh.X), dtype=bool)
     touched[corner[inner[owner]]] = True
-    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # only these sides can lie on marked edges
+    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # includes all sides of these polygons
     p, q, polygon = corner[candidates], ahead[candidates], owner[candidates]
     length = np.linalg.norm(mesh.X[p] - mesh.X[q], axis=1)
     order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
@@ -196,8 +196,8 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """(c,) mask of polygons to cut: openings with enough wanted area, and material that crossing stripes cut again."""
-    least = 0.5  # an opening needs stripes in this share of its area
+    """(c,) polygons to cut: openings in which stripes are wanted, and material that crossing stripes divide, too."""
+    least = 0.5  # stripes are wanted in a larger share of the area
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
         return crossed
@@ -211,10 +211,9 @@ def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class StripeCut:
-    """A corner field during a cut, with the polygons (c,) that are active or solid.
+    """A corner field during a cut: `active` (c,) polygons are cut, `solid` (c,) polygons lie wholly inside stripes.
 
-    source : (c,) the polygon that each was before the last split.
-    edges  : (l, 2) lines of the mesh, see `corner_band`."""
+    source : (c,) number of each polygon before the last split.    edges : (l, 2) see `corner_band`."""
 
     seen: PolygonField
     levels: Floats
@@ -247,7 +246,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved))
 
     def with_snapped_values(self, side: int) -> "StripeCut":
-        """Move single values onto levels that they nearly meet."""
+        """Move only the upper (0) or the lower (1) values onto levels within the snap fraction `tip`."""
         x = self.seen.values.ravel()
         a, b, difference = self._side_ends(side)
         free = np.ones(len(x), dtype=bool)
@@ -255,7 +254,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices to edges across which the field changes its sign, at the levels that the first polygon sees."""
+        """Add vertices, at the levels in the first polygon, to edges across which the field changes its sign."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():
@@ -268,10 +267,9 @@ class StripeCut:
         return state._after_split(split, side)
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
-        """Cut the active polygons along the levels of the upper (0) or lower (1) field; return also the strip (c',)
-        of each.
+        """Cut the active polygons along the levels of the upper (0) or lower (1) field; return also the strips (c',).
 
-        above : whether a polygon on a level belongs to the strip above. Every new polygon has an area."""
+        above : whether a polygon that lies on a level belongs to the strip above. Every new polygon has an area."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh

@@ -1,4 +1,4 @@
-"""`cut`: a surface cut exactly along level lines of linear fields, and the cells of a sheet cut again."""
+"""`cut` divides a surface exactly along level lines of linear fields. Cells of a sheet can be divided again."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -28,10 +28,9 @@ from dsfab.surface.mesh import ZERO_AREA
 
 LEVEL_GAP = 1e-6  # Levels that differ by less than this share of the field's range count as equal.
 
-
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""A rule that marks material (c,) of field k, near blank faces (m,), that later fields divide, too."""
+"""Marks material (c,) for later fields to divide. Arguments: polygons, number of a field, faces near blank faces."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
@@ -44,13 +43,13 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
     levels : ascending values for each field. Strip j of a field has j levels below it, and odd strips are material. Two
              equal levels (see `LEVEL_GAP`) enclose nothing and are left out. For a pair of fields, material has more
              levels below the first field than below the second field: |z - level| < d.
-    snap   : fraction of a vertex's largest edge range (0 to 0.4). The cut first moves values that are closer to a level
-             onto the level. This moves a line by at most this fraction of an edge and avoids slivers. Use 0 for exact
-             areas; values within `SNAP_FLOOR` always move, and so do values at corners of cells without area.
+    snap   : 0 to 0.4. To avoid slivers, a value at a vertex first moves onto a level that is nearer than this fraction
+             of the largest range over the vertex's edges. A line moves by at most this fraction of an edge. Use 0 for
+             exact areas; values within `SNAP_FLOOR` always move, and so do values at corners of cells without area.
 
     A cell is material if any field makes it material. Later fields do not cut the material of earlier fields. A face
-    that lies wholly on a level is void. The cells are in the order of their parent faces, and the first n vertices are
-    those of the surface.
+    that lies wholly on a level is void. The cells are in the order of their parent faces. The first n vertices are the
+    vertices of the surface.
 
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells without area.
     """
@@ -58,7 +57,7 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
 
 
 def sheet_of(mesh: PolygonMesh) -> Sheet:
-    """Fill the polygons of `cut_polygons` with triangles; raise PatternError in the same cases as `cut`."""
+    """Fill the polygons of `cut_polygons` with triangles. Raises PatternError for triangles without area."""
     cut_surface, cell, sides_on = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs, sides_on, mesh.lines)
 
@@ -72,7 +71,7 @@ def cut_polygons(
 ) -> PolygonMesh:
     """Return the polygons of `cut` before they are filled with triangles.
 
-    mesh : the faces of the surface as void polygons, with lines of an earlier cut."""
+    mesh : void polygons to start from, with lines of an earlier cut; default: the faces of the surface."""
     return polygons_along(surface, fields, *checked_lines(surface, fields, levels), snap, mesh=mesh)
 
 
@@ -87,7 +86,7 @@ def polygons_along(
 ) -> PolygonMesh:
     """Cut a surface as `cut_polygons` does, along the values and levels of `checked_lines`.
 
-    divided_again : rule for material that later fields divide, too (see `DividedAgain`); default: none."""
+    divided_again : marks material that later fields divide, too; default: none."""
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
@@ -136,7 +135,7 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split the void polygons by values x of one field or of a pair at their vertices; return also the material's mask.
+    """Split the void polygons by values x (n',) or (n', 2) of a field; return also a mask (c',) of the new material.
 
     edges : (l, 1 or 2) the lines of the mesh on the levels of each field."""
     if x.ndim == 2:
@@ -153,8 +152,8 @@ def _band(
     Cells that lie wholly inside or wholly outside stripes are not cut (see `cells_without_edges`).
 
             x[:, 0] = level . ' material
-        . '        ' .                      The two lines of a stripe meet at its tip: there the second split
-          void         x[:, 1] = level      finds the vertex of the first split on its level."""
+        . '        ' .                      Both edges of a stripe meet at its tip. There the second split
+          void         x[:, 1] = level      uses the vertex of the first split."""
     cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
@@ -173,9 +172,9 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
-    """Fill polygons (c,) with triangles; return also the polygon (m',) of each, ascending, and lines of sides (m', 3).
+    """Fill polygons with triangles; return also the polygon (m',) of each, ascending, and the lines (m', 3) of sides.
 
-    Raises PatternError for triangles without area; the error names their parent faces (c,)."""
+    parent : (c,) faces. Raises PatternError for triangles without area, and names their parent faces."""
     F, cell = triangulate(cells, X)
     try:
         return Surface(X, F), cell, cells.triangle_sides(F, cell)
@@ -211,9 +210,8 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """The levels without repetitions: an odd number of equal levels leaves one level, an even number none.
-
-    For a pair of fields, any number of equal levels leaves one level."""
+    """Return distinct levels: an odd number of equal levels leaves one level, an even number leaves none. For a
+    pair of fields, every number of equal levels leaves one level."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
@@ -227,9 +225,9 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 
 def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
-    """Return cells (k,) of a sheet as polygons to cut, with their neighbours, whose sides get new vertices, too.
+    """Return cells (k,) of a sheet, and their neighbours, as polygons to cut; and the cell (c,) of each, ascending.
 
-    Returns also the cell (c,) of each polygon, ascending. Vertices keep their order."""
+    A neighbour gets the new vertices on common edges. Vertices keep their order."""
     surface = sheet.surface
     selected = np.zeros(surface.m, dtype=bool)
     selected[cells] = True
@@ -245,9 +243,7 @@ def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
 
 
 def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
-    """Return a sheet with the cells of `recut_polygons` replaced by divided polygons.
-
-    source : (c,) the cell of the sheet that each polygon is a part of."""
+    """Return a sheet with the divided polygons of `recut_polygons` in place of their cells `source` (c,)."""
     surface = sheet.surface
     stay = np.ones(surface.m, dtype=bool)
     stay[source] = False
@@ -268,7 +264,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Return values (n',) or (n', 2) at a sheet's vertices of a field that is linear over parts of the uncut faces."""
+    """Return values (n',) or (n', 2) at a sheet's vertices, for a field that is linear over parts of uncut faces."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

@@ -1,8 +1,8 @@
-"""Halving of two families of lines in the openings between them.
+"""Halving: where two families of lines crowd, every second line is left out, or three lines of four.
 
-Where lines crowd, the halving leaves out every second line, or three lines of four: line k stays if it is a multiple
-of 2^level. Lines must end on lines. So each opening between lines that are always drawn has one level: first openings
-between the coarse lines of both families, then also between the finer lines of the first family."""
+Line k stays if k is a multiple of 2^level. A line may end only on a line of the other family. So the level is constant
+in each opening. The first family is halved in the openings between lines that always stay. Then the second family is
+halved in the openings that the remaining lines of the first family make."""
 
 from dataclasses import dataclass, replace
 
@@ -16,16 +16,16 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import link_components
 
 GAIN = 0.45
-"""Least gain of evenness for leaving out more lines, as a power of two of P95 over P5 of the spacings.
+"""Least fall of log2(P95 / P5) of the spacings for which more lines are left out.
 Stress makes lines crowd; structures are up to a tenth softer without these lines."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineHalving:
-    """A surface divided along the lines at which levels change.
+    """Polygons between lines after halving, and the number of halvings in each polygon.
 
-    mesh   : its polygons.    level : (c, 2) number of halvings of each family in each polygon.
-    phases : both fields; lines that nearly met a vertex are moved onto it.
+    mesh   : the polygons.    level : (c, 2) number of halvings of each family in each polygon.
+    phases : both fields; values near whole numbers are moved onto them.
     first  : the family that was halved first; lines of the second family may end on its lines."""
 
     mesh: PolygonMesh
@@ -34,13 +34,13 @@ class LineHalving:
     first: int = 0
 
     def drawn_share(self, surface: Surface, family: int, level: int) -> Floats:
-        """(m,) share of each face in which the lines of a level are drawn: at places with at most `level` halvings."""
+        """(m,) share of each face's area with at most `level` halvings of a family."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         drawn_area = area * (self.level[:, family] <= level)
         return np.asarray(np.bincount(self.mesh.parent, drawn_area, surface.m) / surface.areas)
 
     def mean_scale(self, surface: Surface, family: int) -> Floats:
-        """(m,) mean share of the lines that remain in each face."""
+        """(m,) mean share of a family's lines that remain in each face."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         scaled_area = area * 0.5 ** self.level[:, family]
         return np.asarray(np.bincount(self.mesh.parent, scaled_area, surface.m) / surface.areas)
@@ -55,9 +55,9 @@ def halve_lines(
 ) -> LineHalving:
     """Halve two families of lines, at whole numbers of phases (n, 1), in the openings between them.
 
-    target         : (m,) each, wanted number of halvings; an opening takes its mean, rounded down (`split_value`).
-    level_limits   : largest number of halvings of each family: multiples of 2^limit are drawn everywhere.
-    uncapped_target : (m,) each, targets without limits; used if they make spacings more even by `GAIN`."""
+    target          : (m,) wanted halvings of each family; an opening takes the mean, rounded down (`split_value`).
+    level_limits    : largest number of halvings of each family: multiples of 2^limit are drawn everywhere.
+    uncapped_target : (m,) targets without limits; used if they make spacings more even by `GAIN`."""
     mesh, uncapped_target = PolygonMesh.from_surface(surface), uncapped_target or target
     level = np.zeros((surface.m, 2), dtype=np.int64)
     if not any(level_limits):
@@ -112,10 +112,10 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """(p,) True for neighbours with a drawn line between them: a multiple of the smaller of their periods (c,).
+    """(p,) mask of inner edges on drawn lines, which lie at multiples of the smaller period (c,) of both polygons.
 
-    Neighbours see the field with their own sign and shift. Their strips are compared by the middles between two lines,
-    because half-integers stay exact under sign and shift. Blank faces are walls on all sides."""
+    The function compares the middles of both strips, because half-integers stay exact under sign and shift. All sides
+    of blank faces are walls."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
     y = seen.slot_values(0)
@@ -129,10 +129,10 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
-    """(c,) number of halvings in each polygon's opening: its mean target, rounded down by `split_value`, and limited.
+    """(c,) halvings in each polygon's opening: the mean target, rounded down by `split_value`, up to `level_limit`.
 
-    Uncapped targets are used if they make spacings more even by `GAIN`. For example, an opening with targets 2 and
-    0.4 is halved once under a limit of 1; with capped targets it never would be."""
+    Uncapped targets are used if they make spacings more even by `GAIN`. For example, an opening with targets 2 and 0.4
+    is halved once under a limit of 1; with targets capped at 1 the mean is below 1."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
     count, opening = link_components(len(mesh.parent), owner[slot_a[open_]], owner[slot_b[open_]])

@@ -1,4 +1,4 @@
-"""`PolygonMesh`: a surface divided into convex polygons between two cuts, and the contacts of its parts."""
+"""`PolygonMesh`: a surface divided into convex polygons during a cut, and the contacts between parts of the mesh."""
 
 import dataclasses
 from dataclasses import dataclass, replace
@@ -19,13 +19,14 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class PolygonMesh:
-    """Polygons on vertices X (n', 3), metres, their parent faces and families (c,), and the weights of the vertices.
+    """Polygons on vertices X (n', 3), metres, with the parent face and the family (c,) of each.
 
-    F     : (m, 3) the faces of the uncut surface.
-    again : (c,) material that later fields divide, too.
-    also  : (c,) a second field that makes the same polygon material, at a crossing; else `VOID`.
-    stubs : number of removed and straightened stripes, see `Sheet`.
-    lines : the lines that sides of polygons lie on, see `Cells.sides_on`."""
+    F       : (m, 3) the faces of the uncut surface.
+    weights : (n', n) barycentric weights of the vertices on the uncut vertices.
+    again   : (c,) material that later fields divide, too.
+    also    : (c,) at a crossing, the second field that makes a polygon material; else `VOID`.
+    stubs   : number of removed and straightened stripes, see `Sheet`.
+    lines   : the lines that sides of polygons lie on, see `Cells.sides_on`."""
 
     F: Ints
     cells: Cells
@@ -40,7 +41,7 @@ class PolygonMesh:
 
     @classmethod
     def from_surface(cls, surface: Surface, divided: DividedSurface | None = None) -> Self:
-        """Return the faces of a surface as void polygons, or the parts that `divided` makes of them."""
+        """Return the faces of a surface, or the parts of faces in `divided`, as void polygons."""
         if divided:
             parts = divided.surface
             cells, family = Cells.triangles(parts.F, _rim(parts)), np.full(parts.m, VOID)
@@ -56,7 +57,7 @@ class PolygonMesh:
         return cls.from_cells(F, Cells.triangles(F), V, sheet.weights, sheet.parent, sheet.family).with_lines_of(sheet)
 
     def with_lines_of(self, sheet: Sheet) -> Self:
-        """Return these polygons, which must be the triangles of a sheet, with the lines of the sheet's sides."""
+        """Return the polygons, which must be the triangles of a sheet, with the sheet's lines."""
         return replace(self, cells=Cells.triangles(sheet.surface.F, sheet.sides_on), lines=sheet.lines)
 
     @classmethod
@@ -66,7 +67,7 @@ class PolygonMesh:
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Make void polygons (c,) material of field k. In blank faces (m,) they become nodes, where stripes end."""
+        """Make void polygons in the mask (c,) material of field k; in blank faces (m,) such polygons are nodes."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
@@ -95,7 +96,7 @@ class PolygonMesh:
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
         """Return the mesh divided by a split.
 
-        lines : (l or 1, c' or 1) the line of each level of the split in each new polygon; None for no lines."""
+        lines : (l or 1, c' or 1) the line of each level in each new polygon; None for no lines."""
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
         names, source = ("parent", "family", "again", "also"), split.source
@@ -104,8 +105,7 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """(p,) each, for inner edges: the slots of their two sides, and the second polygon's slot at the start of the
-        first side."""
+        """(p,) each, for inner edges: slots of both sides; the second polygon's slot at the start of the first side."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -153,7 +153,7 @@ def corner_places(F: Ints, vertex: Ints) -> Ints:
 
 
 def weights_after_split(weights: csr_array, split: Split) -> csr_array:
-    """Append rows for the new vertices of a split: (n' + k, n), at most three entries in a row, all of one face."""
+    """Append the weights of a split's new vertices: (n' + k, n), at most three entries in a row, all of one face."""
     new_weights = split.new_weights(weights.shape[0]) @ weights
     data, indices = (
         np.concatenate([getattr(part, name) for part in (weights, new_weights)]) for name in ("data", "indices")
@@ -164,11 +164,10 @@ def weights_after_split(weights: csr_array, split: Split) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Stretches of outline along which parts touch.
+    """Stretches (k,) of outline along which two parts (p,) touch.
 
-    parts  : (k, 2) both parts of each stretch; the second is -1 for an edge of the surface or an anchor.
-    length : (k,) metres.
-    links  : (l, 2) consecutive stretches of one part. Stretch i has number i for its first part, i + k for its second.
+    parts  : (k, 2) both parts; the second is -1 for an edge of the surface or an anchor.    length : (k,) metres.
+    links  : (l, 2) consecutive stretches around a part; stretch i is i for its first part, and i + k for its second.
     around : (p,) length of each part's outline, metres."""
 
     parts: Ints
@@ -221,8 +220,8 @@ class Contacts:
     def dead_ends(self, gone: Bools) -> Bools:
         """(p,) parts with one contact only, to a part or an edge of the surface, along less than half of their outline.
 
-        gone : (p,) parts that are removed already.
-        Consecutive stretches are one contact: a stripe that ends in the corner between two stripes has one contact."""
+        Consecutive stretches are one contact: a stripe that ends in the corner between two stripes has one contact.
+        gone : (p,) removed parts."""
         part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
         live[row] = True
@@ -239,8 +238,7 @@ class Contacts:
         return part[is_single], neighbour[is_single]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
-        """(p,) parts that a removal cut off from all supports: edges of the surface, anchors, and parts that always
-        stay."""
+        """(p,) parts that lose all connections to edges of the surface, anchors and parts that always stay."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:
@@ -262,7 +260,7 @@ class Contacts:
 
 
 def adjacent_sides(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
-    """Pairs (l,), (l,) of sides that share a group (k,) and a vertex. ends : (k, 2) vertices, below `count`."""
+    """Return pairs (l,), (l,) of sides (k,) with equal `group` and a common vertex; ends : (k, 2) vertices < count."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)

@@ -1,4 +1,4 @@
-"""`Sheet`: a surface cut into material and void cells, parts of it as surfaces of their own, and finer meshes of it."""
+"""`Sheet`: a surface that is cut into material and void cells. Parts of a sheet as surfaces, and finer meshes."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 VOID = -1  # The family of a void cell.
 
 ON_SIMPLEX = 1 - 1e-9
-"""Least interpolated value of a 0/1 field at a point on an edge or a face whose corners are all marked."""
+"""Least interpolated value of a mask between marked vertices: 1, up to rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class SheetPart:
-    """Cells of a cut surface as a surface of their own.
+    """A part of a cut surface, as a separate surface.
 
     cut_surface : all cells.    surface : the part.
     cells, vertices : (f,), (k,) indices of the part's cells and vertices in `cut_surface`, ascending."""
@@ -41,7 +41,7 @@ class SheetPart:
 
     @classmethod
     def from_cells(cls, cut_surface: Surface, mask: Bools) -> Self:
-        """Return the marked cells (m',) of a cut surface, which must be at least one."""
+        """Return the marked cells (m',) of a cut surface; at least one cell must be marked."""
         F, used = cut_surface.F[mask], np.zeros(cut_surface.n, dtype=bool)
         used[F] = True
         surface = Surface(cut_surface.V[used], (np.cumsum(used) - 1)[F])
@@ -79,8 +79,8 @@ class CutLines:
 
     kind   : (l,) of `LineKind`.
     field  : (l,) index of the field of a level; -1 for other kinds.
-    number : (l,) 2 j for the lower and 2 j + 1 for the upper edge of stripe j, as the cell's face counts stripes; for
-             other kinds it counts the lines of the kind.
+    number : (l,) 2 j for the lower and 2 j + 1 for the upper edge of stripe j, counted in the sign of the cell's face;
+             for other kinds, the index among the lines of the kind.
     circle : (l, 7) centre, unit axis and radius of a fillet, metres; 0 for other kinds."""
 
     kind: Ints
@@ -95,11 +95,11 @@ class CutLines:
 
     @property
     def count(self) -> int:
-        """Number of lines, which is the number of the next line."""
+        """Number of lines."""
         return len(self.kind)
 
     def with_more(self, kind: LineKind, count: int, field: int = -1, circle: Floats | None = None) -> "CutLines":
-        """Return the lines and `count` more of a kind; circle (count, 7) as above."""
+        """Return the lines and `count` more of a kind; circle : (count, 7) see `CutLines`."""
         number = np.arange(count) + (0 if kind == LineKind.LEVEL else int((self.kind == kind).sum()))
         circle = np.zeros((count, 7)) if circle is None else circle
         columns = (np.full(count, int(kind)), np.full(count, field), number, circle)
@@ -116,9 +116,8 @@ class Sheet:
     weights : (n', n) barycentric weights of the vertices on the uncut surface's vertices: not negative, at most three
               in a row, rows sum to 1. A vertex of the uncut surface has itself with weight 1.
     stubs   : number of places where the cut removed or straightened stripes beyond their last crossings.
-    sides_on : (m', 3) the line that each half-edge lies on, a row of `lines`. In a sheet of all cells, only one of the
-              half-edges of an edge may have it. In a sheet of the material every half-edge of the outline has a line,
-              and no other half-edge:
+    sides_on : (m', 3) the line of each half-edge, a row of `lines`. In a sheet with void cells, the line may be known
+              at only one half-edge of an edge. In a sheet of the material, exactly the outline has lines:
 
                      3
                  +-------+.  5               1    : the rim, where a stripe ends at the boundary of the surface
@@ -182,12 +181,12 @@ class Sheet:
 
     @cached_property
     def material_part(self) -> SheetPart:
-        """The material cells, which must be at least one."""
+        """The material cells; at least one must exist."""
         return SheetPart.from_cells(self.surface, self.material)
 
     @cached_property
     def void_part(self) -> SheetPart:
-        """The void cells, which must be at least one."""
+        """The void cells; at least one must exist."""
         return SheetPart.from_cells(self.surface, ~self.material)
 
     @cached_property
@@ -202,8 +201,8 @@ class Sheet:
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
         """Interpolate values x (m, 3, k) at the corners of the uncut faces F (m, 3) to this sheet's vertices (n', k).
 
-        Each vertex takes the values from the parent of the first cell around it. On a Moebius strip a second face may
-        see vectors from its other side. The result equals `carry` if the corners at each vertex agree."""
+        Each vertex takes the values in the parent face of its first cell, because on a Moebius strip a second face may
+        see vectors from its back. The result equals `carry` if all corners at each vertex have equal values."""
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
         parent = self.parent[corner // 3]
@@ -278,7 +277,7 @@ class Sheet:
 
 
 def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
-    """Return columns and values (k, 3) each, padded with zeros, of the rows of barycentric weights (k, n)."""
+    """Return columns and values (k, 3) of barycentric weights (k, n), each row padded with zeros."""
     count = np.diff(weights.indptr)
     place = np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], count)
     row = np.repeat(np.arange(len(count)), count)
@@ -288,8 +287,7 @@ def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
 
 
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
-    """(count,) hydraulic diameters 4 area / perimeter, metres, of the pieces of a part; infinite for pieces without a
-    closed wall around them.
+    """(count,) hydraulic diameters 4 area / perimeter, metres, of pieces of a part; infinite without closed walls.
 
     walls : (e,) mask of edges.    label : (f,) the piece of each face, below `count`."""
     length = part.edge_lengths
@@ -303,8 +301,7 @@ def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) ->
 
 
 def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) -> Floats:
-    """(count,) weighted median of the values (k,) under each label (k,); infinite without weight. NaN does not
-    count."""
+    """(count,) weighted median, without NaN, of the values (k,) under each label (k,); infinite for zero weight."""
     valid = np.flatnonzero((weight > 0) & ~np.isnan(values))
     order = valid[np.lexsort((values[valid], label[valid]))]
     x, group = values[order], label[order]
@@ -316,12 +313,13 @@ def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) ->
     return result
 
 
-CREASE_COSINE = np.cos(np.radians(30))  # a smaller cosine of a face's normal and a vertex's mean normal marks a crease
+CREASE_COSINE = np.cos(np.radians(30))  # creases have a smaller cosine of a face's normal and a vertex's mean normal
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
-    """Quadratic patches: a flat face's point with barycentric l moves by the sum of 4 l_i l_j bulge over edges i-j.
+    """Quadratic patches: a point at barycentric coordinates l moves by the sum of 4 l_i l_j bulge over edges i-j.
+
     surface : the flat faces.
     bulge   : (e, 3) vector from the middle of each chord to its curved edge, metres; 0 for flat faces and creases.
 

@@ -15,9 +15,9 @@ from dsfab.surface.mesh import ZERO_AREA
 class Split:
     """Polygons after a cut, see `split_cells`.
 
-    cells  : the new polygons, on the old vertices followed by the new ones.
-    source : (c',) the old polygon that each new one is a part of.
-    strip  : (c',) number of levels below a new polygon; -1 for inactive ones.
+    cells  : the new polygons, on the old vertices followed by the new vertices.
+    source : (c',) the old polygon that contains each new polygon.
+    strip  : (c',) number of levels below a new polygon; -1 for inactive polygons.
              New sides on a level l, and old sides there without a line, have -1 - l in `sides_on`.
     low, high, t : (k,) new vertex i lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
     side, level  : (k,) the slot of the old side that a new vertex lies on, and the level there."""
@@ -39,12 +39,12 @@ class Split:
         return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), *new_vertices)
 
     def with_new_values(self, values: Floats) -> Floats:
-        """Append interpolated values on the new vertices to values (n, ...) on the old ones."""
+        """Append values interpolated at the new vertices to values (n, ...) at the old vertices."""
         t = self.t.reshape(-1, *[1] * (values.ndim - 1))
         return np.concatenate([values, (1 - t) * values[self.low] + t * values[self.high]])
 
     def new_weights(self, n: int) -> csr_array:
-        """(k, n) sparse weights of the new vertices on the n old ones."""
+        """(k, n) sparse weights of the new vertices on the n old vertices."""
         k = len(self.t)
         data = np.stack([1 - self.t, self.t], axis=1).ravel()
         columns = np.stack([self.low, self.high], axis=1).ravel()
@@ -53,9 +53,9 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class SideValues:
-    """A field at both ends of every side of polygons, (h,) each, as the side's polygon sees it.
+    """A field at both ends of every side of polygons, (h,) each, in the sign and shift of the side's polygon.
 
-    foreign : (k,) sides whose polygon has no value; they take the values of the other polygon on the edge.
+    foreign : (k,) sides whose polygon has no value; they take the values of the polygon across the side.
     own     : (h,) the field at the slots."""
 
     start: Floats
@@ -79,7 +79,7 @@ class SideValues:
         which = np.flatnonzero(foreign)
         touched = np.zeros(int(a.max()) + 1, dtype=bool)
         touched[a[which]] = touched[b[which]] = True
-        candidates = np.flatnonzero(touched[a] & touched[b])  # only these sides can lie on foreign edges
+        candidates = np.flatnonzero(touched[a] & touched[b])  # other sides share no edge with these
         p, q = a[candidates], b[candidates]
         order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
         first_slot = np.minimum.reduceat(np.where(foreign[candidates], len(a), candidates)[order], begins)[edge]
@@ -93,9 +93,9 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """(h,) each: where the values at the start and the end of every side lie among the levels, see `_level_places`.
+        """(h,) each: twice the number of levels below the start and the end of every side, plus 1 on a level.
 
-        only : slots (k,) to evaluate; the rest is 0."""
+        only : slots (k,) to evaluate; other slots get 0."""
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)
             start[only], end[only] = _level_places(self.start[only], levels), _level_places(self.end[only], levels)
@@ -113,12 +113,11 @@ class SideValues:
 class _Sides:
     """Crossings of the sides of polygons with levels, (h,) each.
 
-    low   : number of levels not above the lower end: the strip in which a side starts.
-    count : number of levels strictly between its ends; 0 for a side without active polygon.
-    first : the first new vertex on it, counted from the lower end, the same for all polygons with this side.
-    up    : the side runs from the lower to the higher end.
-    flat  : the side lies wholly on a level.
-    along : the side meets its new vertices in their order.
+    low   : number of levels at or below the lower end.
+    count : number of levels strictly between both ends; 0 without an active polygon.
+    first : the new vertex nearest to the lower end; all polygons with this side share its new vertices.
+    up    : the side runs from the lower to the higher end.    flat : the side lies wholly on a level.
+    along : the numbers of the new vertices increase along the side.
 
         lower end o------x-------x----o higher end      low = 2, count = 2, new vertices first + 0, first + 1
                      2   |   3   |  4                   strips 2, 3, 4
@@ -154,11 +153,11 @@ def split_cells(
 ) -> Split:
     """Cut the active polygons on n vertices along every level of a field on their sides, by straight chords.
 
-    Two polygons may see a field differently, by sign or shift; they still find the same crossings of their common edge.
+    Two polygons may see a field differently, by sign or shift, but get the same vertices on a common edge.
 
     levels : (l,) strictly ascending. Inactive polygons get the new vertices of sides that they share with active
              polygons, and stay whole. A side that lies on a level belongs to the strip of the side before it.
-    above  : (l,) True: a polygon with all corners on a level gets the strip above it; default: the even strip, void.
+    above  : (l,) True: a polygon that lies on a level gets the strip above it; default: the even strip, void.
     live   : (h,) all sides of edges that get new vertices even without an active polygon."""
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
@@ -169,7 +168,7 @@ def split_cells(
     if len(x.foreign):
         lowest = np.minimum(lowest, (cells.per_polygon(np.minimum, ends[1]) + 1) // 2)
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
-    # right for polygons that no level cuts
+    # strips of polygons that no level cuts
     strip = np.where(highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest)
     strip[~active] = -1
     sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
@@ -221,7 +220,7 @@ def _sides(
     gets_vertices = active[cells.owner[crossed]]
     if live is not None:
         gets_vertices = gets_vertices | live[slots[crossed]]
-    if len(x.foreign) and len(first_sides):  # take values from a polygon that has them
+    if len(x.foreign) and len(first_sides):  # prefer polygons with values
         foreign = np.zeros(len(x.start), dtype=bool)
         foreign[x.foreign] = True
         rank = np.where(foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
@@ -247,7 +246,8 @@ def _sides(
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
     """Return the same polygons with the new vertices as corners, and the strip of each side.
 
-    A side on a level gets the strip of the side before it that is on no level; each polygon must have such a side."""
+    A side on a level gets the strip of the last side before it that is on no level; each polygon must have such a side.
+    """
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
@@ -264,15 +264,15 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # these take the last strip of the polygon
+    before = source < cells.start[:-1][cells.owner]  # flat sides at a polygon's start take its last strip
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
 
 def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
-    """Polygons of one strip each: the sides of one strip of one polygon, closed by chords.
+    """Divide polygons into a polygon for each strip: the sides in this strip, closed by chords.
 
-        b            Sides a-b and c-d are of strip 1. Each gives its first corner. It also gives its last corner
+        b            Sides a-b and c-d are of strip 1. A side gives its first corner, and also its last corner
       / |  strip 2   if the next side is of another strip (b and d). So a b c d is the new polygon, with
     a   |            the chords b-c and d-a.
     |   c
@@ -323,14 +323,14 @@ def _with_pieces(
 
 
 CELL_AREA = 1e3 * ZERO_AREA
-"""Least area of a cell, as a share of the squared size: the least area that `Surface` accepts, with a margin."""
-ROUNDS = 12  # Most rounds of moving the vertices of cells without area.
+"""Least area of a cell, divided by the squared size of the surface: the least that `Surface` accepts, with a margin."""
+ROUNDS = 12  # Most rounds of moving the values at cells without area onto levels.
 
 
 class Snapping(NamedTuple):
     """Rules for moving values onto levels before a cut.
 
-    fraction : largest move, as a share of an edge's range.
+    fraction : largest move, as a fraction of the field's range over an edge.
     size     : of the surface, metres.
     hold     : vertices (k,) whose values never move."""
 
@@ -342,9 +342,9 @@ class Snapping(NamedTuple):
 def clean_split(
     cells: Cells, X: Floats, x: Floats, levels: Floats, active: Bools, snapping: Snapping, above: Bools | None = None
 ) -> Split:
-    """Split by field x (n,) on vertices X (n, 3) after snapping, without cells of zero area (see `collapsed_corners`).
+    """Move values x (n,) at vertices X (n, 3) onto near levels, then split, without cells of zero area.
 
-    Values move onto levels but never across one, so that all cells stay convex and chords never cross.
+    Values never move across a level, so that all cells stay convex and chords never cross.
     active, above : see `split_cells`."""
     snap, size, hold = snapping
     if not len(levels) or not active.any():
@@ -365,7 +365,7 @@ def clean_split(
 
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
-    """Return the vertices (k,) of divided cells without area; X (n, 3) are the positions of all vertices."""
+    """Return the vertices (k,) of divided cells without area; X : (n, 3) positions of all vertices."""
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided

@@ -1,4 +1,4 @@
-"""Walls of a cut sheet: edges between void and material as chains around openings, and stretches of the chains."""
+"""Walls of a cut sheet: edges between void and material, as chains around openings, and parts of the chains."""
 
 from bisect import bisect
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from dsfab.surface import nearest_places
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 
-SHARPEST = float(np.radians(20))  # The outline of an opening has a corner where it turns by more.
+SHARPEST = float(np.radians(20))  # At a corner, the outline of an opening turns by more than this angle, radians.
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +21,8 @@ class Walls:
     surface : all cells, material and void.    void : (m',) mask of the void cells.
     inside, outside : (w,) the half-edge of the void cell, and the half-edge of the material cell.
     start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres from the chain's beginning to start.
-    chain  : (w,) number of the wall's chain.    begin : (c + 1,) first wall of each chain.    total : (c,) metres of
-             chain.
-    closed : (c,) True for a closed chain; open chains end on the boundary of the surface."""
+    chain  : (w,) number of the wall's chain.    begin : (c + 1,) first wall of each chain.
+    total  : (c,) length of each chain, metres.    closed : (c,) False if a chain ends on the surface's boundary."""
 
     surface: Surface
     void: Bools
@@ -75,8 +74,7 @@ class Walls:
         return cell.reshape(-1, 3)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """(k,) the walls `steps` (k,) after walls (k,) along their chains; and a mask, False beyond the end of an
-        open chain."""
+        """(k,) the walls `steps` (k,) after walls (k,) in their chains, and a mask: False beyond an open chain."""
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps
@@ -95,7 +93,7 @@ class Walls:
         return np.clip(wall, self.begin[chain], self.begin[chain + 1] - 1)
 
     def points(self, wall: Ints, share: Floats) -> Floats:
-        """(k, 3) the points at shares (k,) of the lengths of walls (k,)."""
+        """(k, 3) points at positions `share` (k,), 0 to 1, on walls (k,)."""
         segment_start, segment_end = self.surface.V[self.start[wall]], self.surface.V[self.end[wall]]
         return np.asarray(segment_start + share[:, None] * (segment_end - segment_start))
 
@@ -108,7 +106,7 @@ class Walls:
     def turns(self) -> Floats:
         """(w,) left turn of the outline at the start of each wall, radians: pi less the angle of the void.
 
-        Minus infinity without a wall before. Angles are those on the surface: a crease makes no corner."""
+        Minus infinity at the start of an open chain. Angles are measured in the surface, so a crease is no corner."""
         F, angle = self.surface.F[self.void], np.zeros(self.surface.n)
         for corner, angles in zip(F.T, face_angles(self.surface.V, F).T, strict=True):
             angle += np.bincount(corner, angles, self.surface.n)
@@ -127,7 +125,7 @@ class Walls:
 def next_in_chains(chain: Ints) -> Ints:
     """Return the next position (k,) in the chain of each position; the last position of a chain leads to its first.
 
-    chain : (k,) the chain of each position; equal numbers are adjacent."""
+    chain : (k,) the chain of each position; positions of a chain are adjacent."""
     after = np.arange(1, len(chain) + 1)
     chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
     after[np.append(chain_start[1:], len(chain))[: len(chain_start)] - 1] = chain_start
@@ -186,7 +184,7 @@ class Stretches:
         return cls(low, high, np.append(np.arange(len(chain)), over), before)
 
     def covers(self, chain: Ints, place: Floats) -> Bools:
-        """(k,) mask of places (k,), metres along chains (k,), in the parts, which must be disjoint."""
+        """(k,) mask of places (k,), metres along chains (k,), that lie in parts; the parts must be disjoint."""
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)

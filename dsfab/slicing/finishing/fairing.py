@@ -21,10 +21,10 @@ BEND = 0.4  # Fairing reduces bends of a wall over fewer segments than this numb
 
 
 class Freedom(NamedTuple):
-    """Possible moves of wall vertices (k,).
+    """Possible moves of wall vertices (k,) along two directions.
 
-    along : (k, 2, 3) unit directions of a vertex, 0 for a missing direction.
-    share : (k, 2, 3) change of its weights, in the columns `column` (k, 3), for a metre along each direction.
+    along : (k, 2, 3) unit vectors of the directions; 0 for a missing direction.
+    share : (k, 2, 3) change of the weights in the columns `column` (k, 3), for a metre along each direction.
     most  : (k,) largest moves, metres: a tenth of the vertex's mesh edge, which is twice the largest snap."""
 
     vertex: Ints
@@ -38,7 +38,7 @@ def faired_walls(sheet: Sheet) -> Sheet:
     """Make the walls between material and void of a sheet without pinches as smooth as the mesh allows.
 
     The function minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners. Here d is the move
-    across the wall, k the curvature in the surface, and a and b are lengths, counted in wall segments. Circles and
+    across the wall and k the curvature in the surface; a and b are `REACH` and `BEND` segments long. Circles and
     straight lines stay. Waves of wave number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch
     1967; Wahba 1990]. Cells stay in their uncut faces, and vertices of the uncut surface stay in place."""
     walls = sheet.walls
@@ -54,10 +54,9 @@ def faired_walls(sheet: Sheet) -> Sheet:
 
 
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
-    """Return the possible moves of vertices (k,) with rows of weights (k, n) on the uncut vertices.
+    """Return the possible moves of vertices (k,) with weights (k, n) on the uncut vertices; uncut vertices never move.
 
-    A vertex on an edge can move along the edge, and a vertex in a face in the whole face. Uncut vertices are left out.
-    """
+    A vertex on a mesh edge can move along this edge. A vertex in a face can move anywhere in the face."""
     column, weight = weight_entries(weights)
     has_weight = weight > 0
     count = has_weight.sum(axis=1)
@@ -99,7 +98,7 @@ def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
         (changes, wall_vertices, 3, REACH * segment),
         (bends, wall_vertices[:, :3], 2, BEND * segment),
     ):
-        q, least = points[used], 0.02 * segment[used]  # nearer vertices count as this far apart
+        q, least = points[used], 0.02 * segment[used]  # a smaller distance counts as this distance
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
@@ -125,7 +124,7 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Weights of points P (k, order + 1, 3) in a derivative along the line through them; and lengths (k,), metres."""
+    """Return weights of points P (k, order + 1, 3) in a derivative along their line, and integration lengths (k,)."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -134,7 +133,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Matrix for the steps: row k is the sum over j of value[k, j] . step of vertex q[k, j]; and `value` (k, j, 3)."""
+    """Matrix whose row k is the sum over j of value[k, j] . step of vertex q[k, j]; and `value` (k, j, 3)."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
@@ -151,7 +150,7 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
-    slimmest, halvings = 0.5, 7  # the slimmest angle is in degrees
+    slimmest, halvings = 0.5, 7  # least angle, degrees, and most halvings of a step
     for attempt in itertools.count():  # a smaller move of one vertex may make the next cell slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
@@ -166,7 +165,7 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
 
 @dataclass(frozen=True, eq=False)
 class Division:
-    """Walls (k,) to divide, at most one of each cell; and places V (k, 3) and weights (k, n) of the new vertices."""
+    """Walls (k,) to divide, at most one of each cell; positions V (k, 3) and weights (k, n) of the new vertices."""
 
     wall: Ints
     V: Floats
@@ -207,7 +206,7 @@ def _bows(walls: Walls) -> Floats:
 
 
 def _division(sheet: Sheet) -> Division:
-    """The walls to divide next; of two bent walls of a cell, the one with the larger bow."""
+    """Return the walls to divide next; of two bent walls of a cell, the wall with the larger bow."""
     walls = sheet.walls
     bow = _bows(walls)
     wall = np.flatnonzero((bow != 0) & (sheet.parent[walls.void_cells] == sheet.parent[walls.material_cells]))

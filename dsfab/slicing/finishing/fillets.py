@@ -1,4 +1,4 @@
-"""Round corners of openings: arcs as chords, also where a disc that rolls along the walls stops at a blunt tip."""
+"""Round corners of openings: arcs, as chords, at corners and at blunt tips where a disc along the walls stops."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -22,8 +22,8 @@ class DiscStops:
     """Places where discs that roll along the walls of flat openings stop, because they touch two walls.
 
     middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from the middle to both walls.
-    a, b   : (p,) these walls, as places in `FlatOpenings.wall`.
-    share_a, share_b : (p,) shares of the walls' lengths that lie before the points of contact."""
+    a, b   : (p,) indices of both walls in `FlatOpenings.wall`.
+    share_a, share_b : (p,) positions of the points of contact on the walls, 0 to 1."""
 
     middle: Floats
     before: Floats
@@ -39,11 +39,11 @@ class DiscStops:
 
 
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
-    """Yield corners (p,), and arcs (p,) that round them where rolling discs of a radius, metres, stop in openings.
+    """Yield corners (p,) where rolling discs of `radius` metres stop in openings, and arcs (p,) at these corners.
 
     Arcs are in the frames of the corners and do not overlap. Discs that stop at one wall, or touch no walls in space,
-    give no arc. The function yields twice: for the vertices nearest to the discs, and for the farthest vertices. On a
-    curved surface an arc may fit at one of these vertices only. Corners in `taken` stretches are left out."""
+    give no arc. The function yields twice, because on a curved surface an arc may fit at one vertex only: first for
+    the vertices nearest to the discs, then for the farthest vertices. Corners in `taken` stretches are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
@@ -72,7 +72,7 @@ def _arcs_in_planes(
 
     line_a, line_b = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     centre, exists = circle_centres(*line_a, *line_b, size)
-    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # flat arcs need this room beyond their ends
+    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # arcs need this length of wall beyond their ends
     lines = tips.wall_line(all_tips, way_a + margin, back=True), tips.wall_line(all_tips, way_b + margin, back=False)
     arcs = tangent_arcs(*lines, size, centre)
     valid = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
@@ -88,7 +88,7 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Points (p, 2) where loops turn left by over `SHARPEST`, and unit vectors to the right before and after each."""
+    """Points (p, 2) where loops turn left by over `SHARPEST`; unit vectors to the right, before and behind points."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -103,9 +103,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """The stops beyond which no second disc has room; and for each stop a near and a far wall (p,) beyond it.
-
-    A stop is not a tip if the opening widens again beyond it."""
+    """Return stops beyond which the opening stays narrow; the nearest and the farthest wall (p,) beyond each stop."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -132,7 +130,7 @@ def _distance(points: Floats, loops: list[Floats]) -> Floats:
     return nearest_in_plane(points, np.concatenate(loops), edges).distance
 
 
-SNAP = 2e-3  # Vertices nearer to a chord than this share of the radius move onto it, to avoid slivers.
+SNAP = 2e-3  # Vertices nearer to a chord than this fraction of the radius move onto the chord, to avoid slivers.
 
 COLUMNS = ("wall", "circle", "normal", "distance", "ray", "ray_distance")
 
@@ -146,8 +144,8 @@ class Fillets:
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
     pair : (p, 2) an arc, and a void cell that lies partly beyond its chords, connected to the corner.
 
-    An arc fills the region beyond a chord and within both rays. Rays run from the arc's middle through its ends, the
-    feet. They are needed if walls turn so sharply at a foot that the void beside it lies beyond the chord as well."""
+    An arc fills the region beyond a chord and between both rays. Rays run from the arc's centre through its ends, the
+    feet. Rays are needed where a wall turns so sharply at a foot that other void also lies beyond the chord."""
 
     wall: Ints
     circle: Floats
@@ -191,9 +189,9 @@ class Fillets:
 
 
 def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
-    """Return arcs for corners of openings: first where a disc of a radius (metres) stops, then smaller arcs elsewhere.
+    """Return arcs at corners of openings: where a disc of `radius` metres stops, and smaller arcs at other corners.
 
-    Corners without room for an arc are left out."""
+    Corners without room for an arc stay sharp."""
     corners, accepted, taken = Corners.from_walls(sheet.walls), list[Fillets](), list[Stretches]()
     for tips, arcs in rolled_arcs(sheet, radius, taken):
         for rays in (False, True):
@@ -222,7 +220,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return arcs at corners as chords in space, and a mask of the arcs that reach no other wall and no edge."""
+    """Return arcs at corners as chords in space, and a mask of arcs that reach no other wall and no surface edge."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -262,7 +260,7 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """(k,) mask of arcs that fill nothing farther from their corner than their feet are, in the corner's plane.
+    """(k,) mask of arcs that fill nothing farther from their corner than their feet, in the corner's plane.
 
     At a fold the void may turn back and lie beyond a chord again. There an arc would fill the opening along the fold.
     """
@@ -274,7 +272,7 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
         flat = np.einsum("p...i,pji->p...j", X - corners.origin[row][:, None], corners.frames[row])
         return np.asarray(np.linalg.norm(flat, axis=-1) > reach[arc][:, None])
 
-    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # arcs with nearer cells pass
+    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # nearer cells need no check
     arc, X = arc[far_rows], surface.V[surface.F[cell[far_rows]]]
     bad = np.zeros(len(corner_rows), dtype=bool)
     for c in range(fillets.normal.shape[1]):
@@ -297,10 +295,10 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
 
     radius : metres; smaller at corners without room. The arc lies in the plane that touches the surface at the corner,
              exact to a 20th of its radius. Corners that turn by under 20 degrees stay. At a blunt tip, where a disc of
-             that radius stops before several corners, one arc rounds all of these.
+             that radius stops before several corners, one arc rounds these corners.
 
-    The function only adds material, with the family of the member before the corner. A corner stays sharp if its arc
-    would touch material in a point, because cells are coarse. Raises PatternError for a radius that is not a length."""
+    The function only adds material, with the family of the member before the corner. On coarse cells, a corner stays
+    sharp if its arc would touch material in a point. Raises PatternError for a radius that is not a length."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
     if not len(sheet.walls.start):
@@ -342,10 +340,10 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """(k,) the group of each arc, such that cells of two arcs of a group have no vertex in common.
+    """(k,) group of each arc; the cells of two arcs in a group have no common vertex.
 
-    arc : (p,) arc of each cell, and corner : (p, 3) the cell's vertices. Each round takes the arcs that come first, in
-    a scattered order, at all their vertices, so that few rounds are needed."""
+    arc : (p,) arc of each cell.    corner : (p, 3) vertices of each cell.
+    A group takes the arcs with the lowest rank at all their vertices. Scattered ranks give few groups."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -364,7 +362,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons by their arcs' chords; return the mesh, the old polygon of each, and a mask of those to fill.
+    """Cut polygons by their arcs' chords; return the mesh, each polygon's old polygon, and a mask of polygons to fill.
 
     arc : (c,) arc of each polygon, -1 for none.    corner : (k,) vertices that arcs round.    size : of the surface."""
     arc = np.where(mesh.void, arc, -1)

@@ -43,7 +43,7 @@ from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""Rounding and bridging repeat at most ROUNDING_ROUNDS times. Gaps under BRIDGED_SHARE of a neck get a bridge."""
+"""Rounding and bridging repeat up to ROUNDING_ROUNDS times. Gaps under BRIDGED_SHARE times the neck get a bridge."""
 
 PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
 """A pass before the polygons are filled with triangles: it returns all polygons, and the number of changed details."""
@@ -98,7 +98,7 @@ class FinishingOptions(NamedTuple):
     fillet    : radius of round corners, or 0.
     member    : members narrower than this between round corners become wider; 0 for none.
     least     : least widths of openings and of members; 0 for no limit.
-    tolerance : largest move of the edges of stripes when cells are improved; None for cells as they are."""
+    tolerance : largest move of the edges of stripes when cells are improved; None for no improvement."""
 
     snap: float
     pinch: Rule
@@ -154,8 +154,7 @@ def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "Tria
 
 
 def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
-    """Yield all passes over the cells in order, each with its name. A trial cut replaces the passes that it
-    contains."""
+    """Yield all passes over the cells in order, each with its name. A trial cut replaces the passes that made it."""
     if trial:
         unrounded = trial.unrounded
         yield "trial", lambda _: unrounded
@@ -172,7 +171,7 @@ def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" =
 def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
     """Yield the passes that precede the rounding of corners, in order, each with a name for its count."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
-    slits_first = merges and not options.sized  # most small openings are slits
+    slits_first = merges and not options.sized  # most small openings are slits, so slits are filled first
     yield _counting_pass("pinches", partial(resolve_pinches, radius=options.thickness / 2, rule=options.pinch))
     if opening and not slits_first:
         yield _counting_pass("filled", partial(filled_openings, size=opening))
@@ -237,7 +236,7 @@ def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSh
 
 
 def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions) -> tuple[Sheet, int, int]:
-    """Bridge gaps of the rounded sheet, or else widen its members; return cells, bridges and widened places."""
+    """Bridge gaps of the rounded sheet, or widen its members; return cells, number of bridges and of widened places."""
     if options.merge == "none":
         return cells, 0, 0
     if options.neck:
@@ -275,9 +274,9 @@ def _with_better_cells(sheet: FinishedSheet, uncut: Surface, tolerance: float) -
 class TrialCut:
     """The cut of a pattern from the search for its widths. Slicing with the same options continues from this cut.
 
-    inputs  : fields, levels and tidy of the pattern.    cells : as they were cut.
+    inputs  : fields, levels and tidy of the pattern.    cells : before finishing.
     rounded : after the first rounding; None without round corners.    bridged : with bridges.
-    least   : least widths of openings and members, metres, and the sheet that keeps them."""
+    least   : least widths of openings and members, metres, and the sheet with these widths."""
 
     inputs: tuple[object, object, object]
     options: FinishingOptions
@@ -295,7 +294,7 @@ class TrialCut:
         return cls(inputs, options, cells, unrounded, rounded)
 
     def is_cut_of(self, inputs: tuple[object, object, object]) -> bool:
-        """Return whether these fields, levels and tidy are the same objects as those of this cut."""
+        """Return whether the fields, levels and tidy in `inputs` are the same objects as in this cut."""
         return all(a is b for a, b in zip(self.inputs, inputs, strict=True))
 
     def serves(self, inputs: tuple[object, object, object], options: FinishingOptions) -> bool:

@@ -1,4 +1,4 @@
-"""Openings laid flat in a plane, and the parts of them that are too narrow for a disc."""
+"""Openings laid flat in a plane, and their parts that are too narrow for a disc."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import manifold3d
 
 
-SMOOTH = 1e-3  # Steps of an offset shape below this share of the offset are rounding errors.
+SMOOTH = 1e-3  # Steps in the outline of an offset shape below this fraction of the offset are rounding errors.
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +45,11 @@ class FlatOpenings:
         return manifold3d.CrossSection(loops if len(self.wall) else [], manifold3d.FillRule.Positive)
 
     def room(self, radius: float) -> "manifold3d.CrossSection":
-        """The region of the middles of all discs of a radius, metres, that lie inside."""
+        """The region of the centres of all discs of `radius` metres that lie inside the openings."""
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return the walls (p,) nearest to points (p, 2), as indices into `wall`.
-        Return also the nearest places on these walls, as shares (p,) of their lengths."""
+        """Return indices (p,) in `wall` of the walls nearest to points (p, 2), and positions (p,) on them, 0 to 1."""
         nearest = self._nearest(points)
         start, finish = self.start[nearest.simplex], self.start[self.after[nearest.simplex]]
         size = np.maximum(np.linalg.norm(finish - start, axis=1), TINY)
@@ -66,7 +65,7 @@ class FlatOpenings:
 
 @derived
 def flat_openings_of(sheet: Sheet) -> FlatOpenings:
-    """Return the openings of a sheet, laid beside one another at distances of twice the largest."""
+    """Return the openings of a sheet side by side, at distances of twice the size of the largest opening."""
     walls, void, (count, label) = sheet.walls, sheet.void_part, sheet.void_part.surface.pieces
     opening = np.empty(sheet.surface.m, dtype=np.int64)
     opening[void.cells] = label
@@ -94,7 +93,7 @@ def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlace
 
 
 def offset_shape(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.CrossSection":
-    """Grow a shape by a length, or shrink it by a negative one."""
+    """Grow a shape by a length, or shrink it by a negative length."""
     import manifold3d
 
     return shape.offset(by, manifold3d.JoinType.Round, circular_segments=48).simplify(SMOOTH * abs(by))
@@ -107,7 +106,7 @@ def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
 
 
 LONG, BULKY = 4.0, 0.7
-"""Limits for a blind alley: least length, in radii, and least area, as a share of a strip as wide as its mouth."""
+"""A blind alley is longer than LONG radii, and its area exceeds BULKY x its length x the width of its mouth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,10 +125,9 @@ class NarrowPart:
 
 
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
-    """Yield parts without room for a disc of a radius, metres: necks, whole openings, and blind alleys.
+    """Yield parts without room for a disc of `radius` metres: necks, whole openings, and blind alleys.
 
-    A blind alley has two runs near its mouth. The function leaves out short tips, and ring-shaped parts, because
-    either all sides of a ring have room or none."""
+    A blind alley has two runs near its mouth. Tips are left out, and rings, which have room everywhere or nowhere."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()

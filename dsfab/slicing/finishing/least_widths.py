@@ -32,7 +32,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members between openings, narrower than `least` metres and by `LOCAL`."""
+    """(k, 2, 3) points on both sides of members between openings, under `least` metres and `LOCAL` median widths."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -56,8 +56,7 @@ def _crossings_from_openings(material: SheetPart, **options: Any) -> Crossings:
 
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members under `least` metres, also of members between an opening and an
-    edge."""
+    """(k, 2, 3) points on both sides of members under `least` metres, between openings or at an edge of the surface."""
     if not cells.has_openings:
         return NOWHERE
     across = _crossings_from_openings(cells.material_part, reach=least)
@@ -111,10 +110,10 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
-    """Bridge openings narrower than `least` m in a rounded sheet, by strips of `width` m; return also the number.
+    """Bridge openings under `least` m in a rounded sheet by strips of `width` m; return also the number of bridges.
 
     `bridged_necks` works in openings laid flat, so it misses folds of the surface and walls without room for an arc.
-    Therefore this function measures as `features` does."""
+    This function measures in space, as `features` does."""
     for slim in (1.0 * width, 0.5 * width):  # over a ridge a broad bridge may miss the other wall
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
@@ -135,7 +134,7 @@ def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENING
 
 
 def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bools]:
-    """The necks of openings, and a mask (o,) of the openings that are too narrow everywhere."""
+    """Return the necks of openings, and a mask (o,) of openings that are too narrow everywhere."""
     flat, walls, openings = flat_openings_of(cells), cells.walls, openings_of(cells)
     assert openings is not None
     necks, lost = [], np.zeros(openings.count, dtype=bool)
@@ -153,7 +152,7 @@ def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bo
 
 
 def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
-    """The strips between both walls of necks, except strips that would not end at the second wall."""
+    """Return strips between both walls of necks, without strips that would not end at the second wall."""
     bridges = []
     for neck in necks:
         half = np.array([float(np.linalg.norm(neck.ends[1] - neck.ends[0])) / 2 + REACH * width, width / 2])
@@ -164,7 +163,7 @@ def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
 
 
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
-    """Add strips beside members under `least` metres in the `rounded` sheet; return also the number of places.
+    """Add strips beside members under `least` metres in the `rounded` sheet; return also the number of widened places.
 
     A call adds only strips that do not touch each other."""
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
@@ -172,7 +171,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     half = np.array([1.04 * least / 2, least / 2])
     wall, ends = cells.walls.nearest(narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # else the member ends here
+    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # on a shorter way the member ends
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
         strips += _strips_at(cells, sides, place, half)
@@ -190,9 +189,7 @@ def _way_around(walls: Walls, wall: Ints) -> Floats:
 
 MOST_ROUNDS = 40  # Most rounds of strips; a round adds only strips that do not touch.
 TURNS = 6  # Most rounds of widening and bridging, because wider members leave narrower openings.
-SNAP = 0.05
-"""Vertices within this share of half a strip's width move onto the strip's side, because tiny edges ruin finite
-elements."""
+SNAP = 0.05  # Vertices within this fraction of half a strip's width move onto the strip's side, to avoid tiny edges.
 
 
 class LeastWidths(NamedTuple):
@@ -211,9 +208,9 @@ def with_least_widths(
 ) -> LeastWidths:
     """Add material where openings are narrower than `gap`, or members than `member`, metres; 0 for no limit.
 
-    Members that are not narrow by `LOCAL` stay as they are, and so do members between two edges of the surface.
+    Members wider than `LOCAL` usual widths stay, and so do members between two edges of the surface.
 
-    merge : slits to fill after widening, because shorter openings may be narrower than the members beside them.
+    merge : slits to fill after widening, because wider members make openings narrower.
     neck  : metres; narrower openings that widening leaves get bridges, too."""
     cells, filled = _without_specks(cells, gap)
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0
@@ -234,7 +231,7 @@ def with_least_widths(
 
 
 def _until_stable(change: Callable[[Sheet], tuple[Sheet, int]], cells: Sheet, rounds: int) -> tuple[Sheet, int]:
-    """Change cells until a round changes nothing, or all rounds are over; return also the number of changes."""
+    """Change cells until a round changes nothing, or for `rounds` rounds; return also the number of changes."""
     total = 0
     for _ in range(rounds):
         cells, count = change(cells)
@@ -267,7 +264,7 @@ def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
     """Add strips beside members narrower than `member`, but not at edges of the surface; return also their number."""
     if not len(places := members_under(cells, member, 1.5 * member)):
         return cells, 0
-    half = np.array([1.1 * member / 2, 1.5 * member])  # larger, because walls are not parallel
+    half = np.array([1.1 * member / 2, 1.5 * member])  # with a margin, because walls are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
     inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # true for ends on walls
     strips = []

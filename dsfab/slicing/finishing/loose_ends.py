@@ -1,4 +1,4 @@
-"""Loose ends of stripes: remove them, join them at a node, or fill the openings that they end in."""
+"""Loose ends of stripes: the passes remove them, join them at a node, or fill the openings in which they end."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from dsfab.surface.fields import CornerField
 class Tidy:
     """Rules by which finishing removes stripes.
 
-    Later fields must also divide stripes that may be removed, because their own stripes then remain there.
+    Later fields also divide stripes that may be removed, so that only the later stripes remain there.
 
     striped : for each field True if it draws stripes; material of a field without stripes stays.
     astray  : for each field (m,) faces in which its stripes run across their direction, or None.
@@ -53,14 +53,14 @@ CLOSED = -2  # `PolygonMesh.also` of polygons in closed openings: stripes may en
 
 
 def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> tuple[PolygonMesh, int]:
-    """Make openings material by field values; return also their number.
+    """Make openings material over which the values of a field have a positive mean; return also their number.
 
     closed : for each field (n,) values at the uncut vertices, or None. An opening becomes material of the first field
-             with a positive mean over its area. Of nearly equal openings, all or none become material."""
+             with a positive mean. Of openings with nearly equal means, all or none become material."""
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
         return mesh, 0
-    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # opening 0 is all material
+    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # number 0 is all material
     area = np.where(mesh.void, mesh.cells.areas(mesh.X)[0], 0.0)
     total = np.bincount(opening, area)
     family, also, closed_openings = mesh.family, mesh.also, np.zeros(len(total), dtype=bool)
@@ -75,7 +75,7 @@ def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> 
     return replace(mesh, family=family, also=also), int(closed_openings.sum())
 
 
-CROSSING, KEPT, NODE = -1, -2, -3  # Kinds of polygons besides the numbers of fields.
+CROSSING, KEPT, NODE = -1, -2, -3  # Kinds of polygons; the kind of other material is the number of its field.
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
@@ -95,9 +95,9 @@ def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
 
 
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
-    """For each polygon (c,) the number of the stretch of a stripe that it belongs to; -1 outside stripes.
+    """(c,) number of the stretch of a stripe that each polygon belongs to; -1 outside stripes.
 
-    Stretches lie between two crossings or nodes; each group of nodes is a stretch, too."""
+    A stretch lies between two crossings or nodes; each group of nodes is a stretch, too."""
     part, _, stays = _parts(mesh, tidy, nodes)
     single_stripe = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
     return np.where(single_stripe, part, -1)
@@ -121,11 +121,11 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Masks (c,) of two kinds of polygons to remove: removed parts with the dead ends that they leave, and islands.
+    """Masks (c,) of polygons to remove: the parts in `gone` (p,) with the dead ends that they leave, and islands.
 
     Islands are pieces that the removal cuts off from the supports and from the edges of the surface.
-    stays : (p,) parts that always stay. After dead ends are removed, a remaining part with a single neighbour is as
-            short as wide. It joins this neighbour, and the search for dead ends repeats."""
+    stays : (p,) parts that always stay. After dead ends are removed, a part with a single neighbour is as short as
+            wide. Such a part joins its neighbour, and the search for dead ends repeats."""
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)
@@ -185,10 +185,10 @@ def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bool
 
 
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
-    """Polygons (q,) of the mask `blank` at which middle lines of field k end, and the vertex (q,) of each end.
+    """Polygons (q,) of `blank` at which middle lines of field k end, and the vertex (q,) of each end.
 
-    An end between two vertices of a side has a unique negative number. In a mirrored pattern, middle lines run through
-    vertices. Faces on both sides find such an end, but the vertex number shows that it is a single end."""
+    An end between two vertices gets a unique negative number. In a mirrored pattern, middle lines end at vertices, and
+    faces on both sides find the same end. The common vertex shows that both are one end."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])
@@ -197,7 +197,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     slots = np.stack([outer, following[outer]])
     z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
     level = nearest_levels(z.ravel(), levels).reshape(z.shape)
-    on_level = np.abs(z - level) < 1e-6  # in periods; a middle this near ends at the vertex
+    on_level = np.abs(z - level) < 1e-6  # in periods; a nearer middle line ends at the vertex
     low, high = np.sort(np.where(on_level, level, z), axis=0)
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))
@@ -237,7 +237,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Divide a convex polygon X (s, 3): first the part between its sides with neighbours, then its free corners."""
+    """Divide a convex polygon X (s, 3); return first the part between sides with neighbours, then the free corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners stay
     marked = has_neighbour | np.roll(has_neighbour, 1)

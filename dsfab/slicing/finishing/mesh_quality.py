@@ -38,7 +38,7 @@ def quality(surface: Surface) -> Quality:
 
 
 def least_angles(P: Floats, normals: Floats) -> Floats:
-    """(k,) the smallest angle of triangles P (k, 3, 3), degrees; negative if one is turned over."""
+    """(k,) the smallest angle of triangles P (k, 3, 3), degrees; negative for a triangle that is turned over."""
     sides = np.roll(P, -1, axis=1) - P
     back = -np.roll(sides, 1, axis=1)
     twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), normals)
@@ -66,7 +66,7 @@ class CellMesh:
 
     @cached_property
     def support(self) -> Ints:
-        """(n', 3) the uncut vertices that each vertex lies between, -1 for missing ones."""
+        """(n', 3) the uncut vertices that each vertex lies between; -1 for fewer than three."""
         weights = self.sheet.weights
         return np.where(np.arange(3) < np.diff(weights.indptr)[:, None], weight_entries(weights)[0], -1)
 
@@ -75,11 +75,11 @@ class CellMesh:
         return self.key(*self.surface.edges.ends.T)
 
     def key(self, a: Ints, b: Ints) -> Ints:
-        """(k,) the numbers of the edges between vertices a (k,) and b (k,), in any direction."""
+        """(k,) a number for the edge between vertices a (k,) and b (k,), equal in both directions."""
         return np.minimum(a, b) * len(self.surface.V) + np.maximum(a, b)
 
     def edge(self, a: Ints, b: Ints) -> Ints:
-        """(k,) the edges between vertices a (k,) and b (k,), -1 for missing ones."""
+        """(k,) the edges between vertices a (k,) and b (k,); -1 if there is no edge."""
         key = self.key(a, b)
         index = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
         return np.where(self.keys[index] == key, index, -1)
@@ -103,7 +103,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the numbers of each vertex's neighbours along lines; of two neighbours, one gives the other."""
+        """(n',) sum of the numbers of a vertex's neighbours along lines; of two neighbours, second = sum - first."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -203,8 +203,8 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
     """Return `sides_on` (m', 3) after `cells` (k,) lose their area, because a vertex v of each moves onto w.
 
-    With the third corner x, side v-x then coincides with side w-x. If one of both lies on a line, so does the side of
-    the cell beyond v-x."""
+    Side v-x to the third corner x then coincides with side w-x. If either side lies on a line, the cell beyond v-x
+    gets this line."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
@@ -216,7 +216,7 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
-    """Moves of vertices that the cut added, from edges of material triangles with angles under 25 degrees.
+    """Moves along edges of material triangles with angles under 25 degrees, for vertices that the cut added.
 
     A move is left out if it would take a triangle out of its uncut face."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
@@ -233,11 +233,11 @@ def _candidates(cut: CellMesh) -> CollapseMoves:
 
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
-    """Select the moves that keep lines connected as before, and within the tolerance, metres, of their places.
+    """Select the moves that keep lines connected as before and that move lines by at most `tolerance` metres.
 
-    A vertex on no line may move to any neighbour. A vertex on a line may move along it, or to a vertex on no line. Two
-    vertices in which three lines meet may join along an edge between material and void. Vertices on the boundary of the
-    surface stay on the boundary."""
+    A vertex on no line may move to any neighbour. A vertex on a line may move along the line, or to a vertex on no
+    line. Two vertices in which three lines meet may join along an edge between material and void. Vertices on the
+    boundary of the surface stay on the boundary."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))
@@ -258,7 +258,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """Select moves that raise the smallest angle of material, and not lower that of void; return gains in degrees."""
+    """Select moves that raise the smallest angle of material without a smaller angle of void; return gains, degrees."""
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
@@ -328,7 +328,7 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
 class ImprovedSheet:
     """A sheet with better shaped cells.
 
-    sheet         : all cells, material and void.      flips, collapses : numbers of both steps.
+    sheet         : all cells, material and void.      flips, collapses : numbers of flipped and of collapsed edges.
     before, after : the shape of the material's cells before and after these steps.
     strayed       : largest move of the edges of stripes, metres."""
 

@@ -46,8 +46,7 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Unit normals (k, 2, 2) of the lines from the centre through both feet; distances (k, 2) of the lines from the
-        origin.
+        """Lines from the centre through both feet: unit normals (k, 2, 2), and distances (k, 2) from the origin.
 
         Normals point away from the arc, so the region that an arc fills lies behind both lines."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
@@ -95,7 +94,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
 
 def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """(k, 2) middles of circles that touch the first walls, and a mask of those in the void."""
+    """(k, 2) centres of circles that touch the first walls, and a mask of centres in the void."""
     u, v = (unit_vectors(line[:, 1] - line[:, 0]) for line in (a, b))
     left_normal, right_normal = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
     centre, in_void = circle_centres(a[:, 0], left_normal, b[:, 0], right_normal, radius)
@@ -104,7 +103,7 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """(k, 2) the points at distance `radius` from lines through p and q with unit normals m and n."""
+    """(k, 2) points at `radius` from lines through p, q with unit normals m, n; mask, False for parallel lines."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
     regular = np.abs(det) > 0.02  # smaller values mean nearly parallel walls
     det = np.where(regular, det, 1.0)
@@ -114,7 +113,7 @@ def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -
 
 
 def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
-    """(k, 2) the points of polylines (k, p, 2) nearest to points (k, 2), and the length of the line up to them."""
+    """(k, 2) points of polylines (k, p, 2) nearest to points (k, 2), and lengths (k,) of the polylines up to them."""
     start, along = line[:, :-1], np.diff(line, axis=1)
     size = np.einsum("kpi,kpi->kp", along, along)
     t = np.einsum("kpi,kpi->kp", point[:, None] - start, along) / np.where(size > 0, size, 1.0)
@@ -157,8 +156,7 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs as corners that do not
-        turn."""
+        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs with a turn of 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -206,7 +204,7 @@ class Corners:
     def rooms(self) -> tuple[Floats, Floats]:
         """(k,) metres of the walls before and behind each corner that its arc may use.
 
-        The two corners of a wall share it in the ratio of their `tangents`."""
+        The two corners at a wall divide the wall in the ratio of their `tangents`."""
         t, (ahead, behind) = self.tangents, self.wall_lengths
 
         def share(neighbour: Ints) -> Floats:
@@ -218,7 +216,7 @@ class Corners:
 
     @cached_property
     def frames(self) -> Floats:
-        """(k, 2, 3) unit vectors of the planes of the arcs, square to the void's normal."""
+        """(k, 2, 3) unit vectors of the planes of the arcs, perpendicular to the void's normal."""
         normal = self.walls.void_normals[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         along = self.walls.surface.V[self.walls.end[self.first]] - self.origin
@@ -248,7 +246,7 @@ class Corners:
         least = np.minimum(
             room_before[rows] / np.maximum(arcs.way_a, TINY), room_behind[rows] / np.maximum(arcs.way_b, TINY)
         )
-        fits = 0.995  # less than 1, because the margin of `rooms` is larger
+        fits = 0.995  # tolerance for rounding errors, within the margin of `rooms`
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
@@ -271,7 +269,7 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """Mask (p,) of vertices on the wall between the feet of arcs (p,), or within 2 % of the radius of them."""
+        """Mask (p,) of vertices on the wall between the feet of arcs (p,), or within 2 % of the radius of a foot."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))

@@ -19,14 +19,12 @@ Merging = Literal["none", "slits", "crowded"]
 """Kinds of slits that finishing fills, so that the members beside them become one."""
 
 NARROWER = 0.9
-"""An opening is a slit if it is narrower than this share of the members beside it.
-
-Crowded members are designed as wide as the openings between them; on flat triangles their width is right to some
-percent."""
+"""An opening is a slit if it is narrower than this fraction of the members beside it.
+Crowded members are designed as wide as their openings; on flat triangles this width is right to some percent."""
 CRUMB, SEVERAL = 0.35, 8
-"""CRUMB is the largest size of a crumb, as a share of the median opening. A median needs SEVERAL openings."""
+"""A crumb is smaller than CRUMB times the median opening. A median needs SEVERAL openings."""
 ALIKE = 0.03
-"""Sizes of openings that differ by less than this share count as equal, because the mesh may cause the difference."""
+"""Sizes of openings with a smaller relative difference count as equal, because the mesh may cause the difference."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +59,12 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) width of each opening over the width of the narrower member beside it, as the median along its walls.
+        """(o,) width of each opening over the width of the narrower member beside a wall: the median over all walls.
 
-        A wall counts if it has an opposite wall. If under 5 % of the walls have one, as in a triangle, the square of
-        equal area gives the width. From 5 to 25 %, the result is a weighted harmonic mean of both. The width is at
-        least half of 4 area / perimeter, the width of a long slit. The ratio is infinite without members, and at the
-        edge of the surface for openings with few opposite walls."""
+        Only walls with an opposite wall count. If these are under 5 % of the walls, as in a triangle, the width is the
+        side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of both values. The
+        width is at least 2 area / perimeter, as in a long slit. The ratio is infinite without members, and at the edge
+        of the surface for openings with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)
@@ -100,7 +98,7 @@ class Openings:
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Number of slits along the members of a family (m',), and the share of their wall length beside slits."""
+        """Number of slits along the members of a family (m',), and the fraction of their walls that lies at slits."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]
@@ -117,9 +115,7 @@ class Openings:
 
     @cached_property
     def _width_ratio(self) -> Floats:
-        """(k,) width of the opening along each crossing line, divided by that of the narrower member beside it.
-
-        It is NaN for a line without a member beside it."""
+        """(k,) width of the opening at each crossing line over the narrower member's width; NaN without a member."""
         member = self._member_widths[self.void.parent_edges[self._crossings.walls]]
         return np.asarray(self._crossings.width / np.fmin(*member.T))
 
@@ -131,7 +127,7 @@ class Openings:
 
     @cached_property
     def _member_widths(self) -> Floats:
-        """(e',) widths of the members behind the walls, on the edges of the whole sheet; NaN elsewhere.
+        """(e',) widths of the members behind the walls, on the edges of the whole sheet; NaN on other edges.
 
         Material broader than 2.5 medians consists of several members and counts with the median."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
@@ -146,7 +142,7 @@ class Openings:
 
 @derived
 def openings_of(sheet: Sheet) -> Openings | None:
-    """Return the openings of a sheet; None for a sheet of material or of void alone."""
+    """Return the openings of a sheet; None for a sheet without void or without material."""
     if not sheet.has_openings:
         return None
     count, label = sheet.void_part.surface.pieces
@@ -154,9 +150,7 @@ def openings_of(sheet: Sheet) -> Openings | None:
 
 
 def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
-    """Return a sheet with the marked openings (o,) as material.
-
-    Each opening gets the family beside it with the largest number."""
+    """Return a sheet with the marked openings (o,) as material, of the largest family number beside each opening."""
     openings = openings_of(sheet)
     if openings is None or not chosen.any():
         return sheet
@@ -184,7 +178,7 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
     alike : if True, all or none of the openings with sizes nearly equal to `size` become material.
 
-    The size of an opening is its median width along the walls. It is at least half of 4 area / perimeter and at most
+    The size of an opening is its median width along the walls, but at least 2 area / perimeter and at most
     4 area / perimeter, because a triangle with a long tip has opposite walls in the tip only."""
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
@@ -232,15 +226,14 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
 
 SIDES = np.array([-1.0, 1.0])
-SNAP = 2e-3  # Vertices nearer to the side of a strip than this share of half its width move onto the side.
+SNAP = 2e-3  # Vertices nearer to the side of a strip than this fraction of half its width move onto the side.
 
 
 @dataclass(frozen=True, eq=False)
 class Strip:
     """A rectangular strip of material across void cells (c,); it begins in the first cell.
 
-    middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and half width,
-             metres."""
+    middle : (3,) metres.    axes : (2, 3) unit, along and across.    half : (2,) half length and width, metres."""
 
     cells: Ints
     family: int

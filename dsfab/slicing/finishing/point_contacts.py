@@ -22,9 +22,7 @@ from dsfab.surface.topology import edge_table
 Rule = Literal["join", "split"]
 
 DISC_ROUNDS = 3  # Most rounds of discs, because a disc can make a new pinch where it meets a second stripe.
-CORNER_ROUNDS = 2
-"""Most rounds of corner cuts after the discs. These cuts make no new pinch; the second round is for adjacent pinches.
-"""
+CORNER_ROUNDS = 2  # Most rounds of corner cuts, which make no new pinch; the second is for adjacent pinches.
 
 
 class PinchResult(NamedTuple):
@@ -42,8 +40,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
     surface's boundary count, too.
 
     Raises PatternError without material before or after, for an impossible `radius` or `rule`, and for pinches that
-    remain.
-    "join" cannot mend a place where the surface touches itself in a vertex."""
+    remain: "join" cannot mend a place where the surface touches itself in a vertex."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
     if rule not in ("join", "split"):
@@ -105,7 +102,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """Divide pinches into groups without edges inside a group, because the linear distance would be 0 along an edge."""
+    """Divide pinches into groups without edges inside, because the linear distance would be 0 along such an edge."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
@@ -143,7 +140,7 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
 
 
 def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:
-    """Mask (c,) of the polygons in `inside` that are connected to a pinch, and not only near it in space."""
+    """Mask (c,) of the polygons in `inside` that are connected to a pinch, and not only near a pinch in space."""
     part, owner = mesh.part_labels(inside), mesh.cells.owner
     return inside & np.isin(part, part[owner[inside[owner] & np.isin(mesh.cells.corner, pinches)]])
 

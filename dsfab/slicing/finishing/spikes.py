@@ -1,8 +1,8 @@
 r"""`without_spikes`: cut off teeth of a member that stick out into an opening, along their chord.
 
 opening          Between two near re-entrant corners, a and b, the outline goes out to a sharp tip and back.
-   .             Such a tooth remains at a removed stub that a neighbour overlapped, or at a stripe that ends
-__/ \\____       aslant along a rim. The part beyond the chord from a to b becomes void, because no member needs it.
+   .             Such a tooth remains where a removed stub overlapped another stripe, or where a stripe ends at a
+__/ \\____       sharp angle on a rim. The part beyond the chord a-b becomes void, because no member needs this part.
  a  b  member"""
 
 from dataclasses import replace
@@ -18,15 +18,15 @@ from dsfab.slicing.cutting.walls import SHARPEST, Walls
 from dsfab.slicing.finishing.openings import disjoint_groups
 
 SHARP = float(np.radians(60))
-"""Least angle, radians, by which the outline turns back at a tip. At bends and crossings of members it turns less."""
+"""Least angle, radians, by which the outline turns back at a tip. Bends and crossings of members turn less."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
-"""Longest outline of a tooth, in mean widths of members: `FAR` for a spur with a chord under `THIN`, else `LONG`."""
+"""Longest outline of a tooth, in mean widths of members: `FAR` if its chord is under `THIN` widths, else `LONG`."""
 
 
 class Spike(NamedTuple):
     """A tooth: the vertices of its outline (k,) between two re-entrant corners, and the cells beyond its chord (c,).
 
-    origin : (3,) the first corner.    outward : (3,) unit, square to the chord, out of the member.    snap : metres."""
+    origin : (3,) the first corner.    outward : (3,) unit normal of the chord, out of the member.    snap : metres."""
 
     outline: Ints
     cells: Ints
@@ -43,8 +43,8 @@ class Spike(NamedTuple):
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
     """Cut teeth off the material of a sheet without pinches; return also their number.
 
-    Only material beyond a chord becomes void. No second wall and no edge of the surface lies there, so that parts stay
-    connected. Without teeth the function returns the same cells."""
+    Only material beyond a chord becomes void, and only if no second wall and no edge of the surface lies beyond the
+    chord. So parts stay connected. Without teeth the function returns the cells unchanged."""
     count = 0
     for _ in range(4):  # neighbouring teeth are cut off one after the other
         all_spikes = _spikes(cells) if cells.has_openings else []
@@ -81,9 +81,9 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Re-entrant corners before (step -1) or behind (1) a tip, up to `longest`.
+    """Re-entrant corners before (step -1) or behind (1) a tip, up to `longest` metres along the walls.
 
-    Each corner is a pair: the number of walls between it and the tip, and their length in metres."""
+    Each corner is a pair: the number of walls between the corner and the tip, and the length of these walls, metres."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
@@ -96,7 +96,7 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """The tooth with the walls `stretch` (k,), or None if it is no tooth. width : mean width of members, metres."""
+    """Return the tooth with the walls `stretch` (k,), or None without a tooth; width : mean member width, metres."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]
@@ -106,7 +106,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # lower ones are tiny, or bends of a member
+    lowest = max(0.04 * width, 0.25 * length)  # lower teeth are tiny, or bends of a member
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)
@@ -114,7 +114,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
 
 
 def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
-    """(c,) the material cells partly beyond the chord; None if a further wall or an edge of the surface is there."""
+    """(c,) material cells partly beyond the chord; None if they touch another wall or an edge of the surface."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:

@@ -16,7 +16,7 @@ from dsfab.slicing.finishing.stubs import with_crossings
 from dsfab.surface import Surface, link_components
 from dsfab.surface.fields import CornerField
 
-TINY = 1e-12  # Least length (m) that divides a vector, so that a bar that ends where it begins gives no NaN.
+TINY = 1e-12  # Least divisor, metres, so that a bar without length gives no NaN.
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ class FairBar:
 
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """Return the straight bar in place of polygons (c,), as wide as its narrower contact. Return None without two
-        contacts that are nearly square to the bar."""
+        """Return the straight bar in place of polygons (c,), as wide as its narrower contact; or None without two
+        contacts that are nearly perpendicular to the bar."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
@@ -89,7 +89,7 @@ class FairBar:
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def deviation(self, mesh: PolygonMesh) -> float:
-        """Largest distance by which the old outline lies outside the new outline, divided by the width."""
+        """Largest distance by which the old outline lies outside the new outline, divided by the bar's width."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 
@@ -110,7 +110,7 @@ class FairBar:
 
 
 def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
-    """Begin and end (k, 3), metres, of the sides of a bar at void, counter-clockwise."""
+    """Begin and end (k, 3), metres, of the sides of a bar that border void, counter-clockwise."""
     in_bar, beyond = bar[mesh.cells.owner], mesh.polygon_across
     wall = np.flatnonzero(in_bar & (beyond >= 0) & mesh.void[beyond])
     return mesh.X[mesh.cells.corner[wall]], mesh.X[mesh.cells.next_values(mesh.cells.corner)[wall]]
@@ -135,12 +135,10 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     return np.array(contacts)
 
 
-ASKEW = 0.25  # Bars stay if their outline is nearer to a straight bar than this share of their width.
-UNEVEN = 0.12  # Bent bars stay if their outline is nearer to an evenly bent bar than this share of their width.
-FAR = 1.5
-"""Bars stay if their outline is farther from the new outline than this share of their width.
-Such bars bend in another way, or a further member touches them."""
-SNAP = 0.02  # Vertices nearer to a straight side than this share of the width move onto it, to avoid slivers.
+ASKEW = 0.25  # Bars with a smaller `deviation` from a straight bar stay.
+UNEVEN = 0.12  # Bent bars with a smaller `deviation` from an evenly bent bar stay.
+FAR = 1.5  # Bars with a larger `deviation` stay: they bend in another way, or a further member touches them.
+SNAP = 0.02  # Vertices nearer to a side than this fraction of the width move onto the side, to avoid slivers.
 LARGER = 2.5  # A bar may not become larger or smaller by this factor.
 
 
@@ -151,7 +149,7 @@ def with_straight_bars(
 
     surface, fields : those of the cut.    Returns the mesh and the number of replaced bars.
 
-    The parts of the sheet stay connected: both contacts of a bar remain, and no other member touches it."""
+    The parts of the sheet stay connected: both contacts of a bar remain, and no other member touches the bar."""
     nodes = nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void)
     near_singular, count = _near_singular(mesh, surface, fields), 0
     if not (nodes | near_singular).any() or not mesh.void.any():
@@ -168,7 +166,7 @@ def with_straight_bars(
 
 
 def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
-    """Mask (c,) of material in or beside faces where its own field has no phase."""
+    """Mask (c,) of material in or beside faces where the material's own field has no phase."""
     blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
     near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
     return np.asarray(near_blank[mesh.family, mesh.parent] & ~mesh.void)
@@ -177,7 +175,7 @@ def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field])
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
     """New shapes of bars, which do not overlap. A bar is a node with its stripes, or a stripe near a singular point.
 
-    A crossing that touches a node joins it if this makes a bar, because stripes may overlap before they end."""
+    A crossing that touches a node may belong to the bar, too, because stripes may overlap before they end."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))
@@ -205,7 +203,7 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
     """Replace the polygons `bar` (c,) by the bar's new shape; return also the old polygon (c',) of each new polygon.
 
-    The mesh is None if the area of the bar would change much."""
+    The mesh is None if the area of the bar would change by more than the factor `LARGER`."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

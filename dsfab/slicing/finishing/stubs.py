@@ -1,7 +1,7 @@
 """Remove stubs: stripes that run on past their last crossings to a node.
 
-Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). The stubs that lead to it
-are a bar across one opening, or a hook beside a member, with a lump at the node:
+Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). The stubs at this node are
+a bar across one opening, or a hook beside a member, with a lump at the node:
 
     ---+--+--+---           ---+--+--+---
        |  |  |                 |     |              o : the node.    + : the last crossings of its stubs.
@@ -9,7 +9,7 @@ are a bar across one opening, or a hook beside a member, with a lump at the node
        |  |  |                 |     |
     ---+--+--+---           ---+--+--+---
 
-Without stubs one opening remains. The size of an opening is its 4 area / perimeter, divided by the median of all."""
+Without stubs one opening remains. The size of an opening is 4 area / perimeter, divided by the openings' median."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,8 +26,8 @@ from dsfab.surface import link_components
 LARGE = 1.6
 """Stubs stay if the opening without them would be larger than this size, which one opening in twenty exceeds."""
 EYELET, LARGER = 0.5, 2.5
-"""An eyelet is an opening smaller than EYELET times its neighbour. For stubs around it LARGER replaces `LARGE`."""
-GOOD = 1.1  # Stubs stay if all openings beside them are larger than this size, because such a stub divides them well.
+"""An opening under EYELET times its neighbour is an eyelet. For stubs around an eyelet LARGER replaces `LARGE`."""
+GOOD = 1.1  # Stubs between openings that are all larger than this size stay, because they divide a large opening.
 SMALL = 0.6  # Stubs stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
 """Largest turn of the outline, radians, where a stub was removed, because a sharper corner would be a loose end."""
@@ -36,7 +36,7 @@ TURN = float(np.radians(110))
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
     """Remove nodes and the stubs that lead to them if one good opening remains; return also the number of places.
 
-    Parts stay connected and no new end appears: the members that touch a removed bar run past it and stay connected."""
+    Parts stay connected and no new end appears, because the members that touch a removed bar run past the bar."""
     nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
         lumps = with_crossings(mesh, nodes & ~mesh.void) if include_crossings else nodes & ~mesh.void
@@ -64,7 +64,7 @@ class _Bars:
     area    : (b,) square metres.    wall : (b,) metres of outline towards other material or the edge of the surface.
     pair    : (k, 2) bars and the openings beside them, each pair once.    shared : (k,) metres of their common outline.
     opening : (o, 2) area, square metres, and perimeter, metres, of each opening.
-    cut     : (b,) True if the bar may go: without it the material stays connected and gets no new end."""
+    cut     : (b,) True if the material without the bar stays connected and gets no new end."""
 
     label: Ints
     area: Floats
@@ -170,8 +170,7 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Group (b,) of each chosen bar, -1 for other bars, and the number of groups. Bars at the same opening are a
-        group."""
+        """Group (b,) of chosen bars, -1 for others, and the number of groups; a group has all bars at one opening."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]

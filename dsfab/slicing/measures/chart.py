@@ -26,8 +26,7 @@ class Chart:
     surface : the cut surface with its own vertices n' and faces m'.    parent : (m',) face of the uncut surface (n, m).
     weights : (n', n) barycentric weights on the uncut vertices.
     z       : (n', 2) phases of both families; each whole number is a line that is drawn there.
-    scale   : (n', 2) drawn lines over the finest lines, such as 1/2 if every second line is drawn; 0 without a phase.
-    """
+    scale   : (n', 2) fraction of the finest lines that is drawn, such as 1/2 for every second line; 0: no phase."""
 
     surface: Surface
     parent: Ints
@@ -39,7 +38,7 @@ class Chart:
         lock_floats(self, z=(self.surface.n, 2), scale=(self.surface.n, 2))
 
     def carry(self, x: Floats) -> Floats:
-        """Interpolate values (n, ...) at the uncut vertices to this sheet's (n', ...)."""
+        """Interpolate values (n, ...) at the uncut vertices to this chart's vertices (n', ...)."""
         return np.asarray(self.weights @ x)
 
 
@@ -63,9 +62,7 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
 
 
 def _group_equal_rows(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
-    """Group rows with equal key (k,) and equal numbers (k, r).
-
-    Return the first row of each group, and the group of each row."""
+    """Group rows with equal keys (k,) and equal numbers (k, r); return each group's first row, and each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
     different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # sorting these few rows is enough
@@ -88,9 +85,9 @@ def _corner_slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
     return np.asarray(order[np.searchsorted(key[order], corner_key)])
 
 
-ON = 1e-6  # A phase that is this near to a whole number, in periods, is on the middle of a stripe.
+ON = 1e-6  # A phase within this number of periods of a whole number is on the middle of a stripe.
 POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
-"""(4, 3) sample points of a face: near the centroids of four equal triangles in it."""
+"""(4, 3) sample points of a face: near the centroids of the face's four equal triangles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +171,7 @@ class StripeChart:
 
     @cached_property
     def void(self) -> Floats:
-        """Share (m,) of each face that is void, at four sample points."""
+        """Share (m,) of each face that is void, from four sample points."""
         solid = self._kept_points.copy()
         for k in (0, 1):
             z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
@@ -189,7 +186,7 @@ class StripeChart:
 
     @cached_property
     def free(self) -> Floats:
-        """Share (m,) of each face without other material (`kept`), at four sample points."""
+        """Share (m,) of each face without other material (`kept`), from four sample points."""
         return np.asarray(1 - self._kept_points.mean(axis=0))
 
     @cached_property
@@ -199,10 +196,9 @@ class StripeChart:
 
 @dataclass(frozen=True, eq=False)
 class StripeMiddles:
-    """Middle lines of the members of family k, in pieces: one for each face and line.
+    """Middle lines of the members of family k, in pieces (s,): one for each face and line.
 
-    face : (s,) face of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) its end
-           nodes.
+    face : (s,) face.    at : (s, 2, 3) barycentric coordinates of both ends.    node : (s, 2) nodes (j,) at both ends.
     copy : (s,) True for a piece along an edge that equals a piece of the neighbouring face.
     edge : (j,) True for nodes on the boundary of the surface."""
 
@@ -222,7 +218,7 @@ class StripeMiddles:
 
     @cached_property
     def length(self) -> Floats:
-        """Length (s,) of each piece, metres. On an edge, both faces may have the same piece; then each counts half."""
+        """Length (s,) of each piece, metres. If both faces at an edge have the same piece, each piece counts half."""
         metres = np.linalg.norm(self.points[:, 1] - self.points[:, 0], axis=1)
         key = self.node.min(axis=1) * len(self.edge) + self.node.max(axis=1)
         group = equal_key_groups(key)[2]

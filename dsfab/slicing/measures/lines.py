@@ -21,8 +21,8 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet: half-edge, first vertex, last vertex, number of the curve, and family.
 
-    The curve is the number of the sheet's line. All levels of field k count as one curve, -1 - k, because they meet at
-    tips only. The family is that of the cell, or `VOID` (-1) on the boundary of the uncut surface."""
+    The number of a curve is the number of the sheet's line, but -1 - k for all levels of field k, which meet at tips
+    only. The family is the cell's family, or `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
     start: Ints
@@ -43,7 +43,7 @@ def outline_labels(sheet: Sheet) -> Labels:
 def outline_corners(sheet: Sheet) -> Floats:
     """Vertices (k, 3), metres, of a material sheet's outline where two curves meet, at any angle.
 
-    A fillet is one curve, so only its two ends are such vertices."""
+    A fillet is one curve, so only the two ends of a fillet are such vertices."""
     _, a, b, *names = outline_labels(sheet)
     curve = np.unique(np.stack(names), axis=1, return_inverse=True)[1].ravel()
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
@@ -53,14 +53,14 @@ def outline_corners(sheet: Sheet) -> Floats:
     return np.asarray(sheet.surface.V[low < high])
 
 
-LEAST = 1e-7  # Parts of a segment, and gaps in it, that are shorter than this share of its length are rounding errors.
+LEAST = 1e-7  # Parts and gaps of a segment under this fraction of the segment's length are rounding errors.
 
 
 class Spans(NamedTuple):
     """Parts (p,) of segments that lie on cells of a sheet.
 
     segment : (p,) segment of each part.    begin, end : (p,) positions on the segment, 0 to 1.
-    of_pair, cell : (q,) a part and a cell that it crosses, for each such pair."""
+    of_pair, cell : (q,) pairs of a part and a cell that the part crosses."""
 
     segment: Ints
     begin: Floats
@@ -72,10 +72,9 @@ class Spans(NamedTuple):
 def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sheet: Sheet, F: Ints) -> Spans:
     """Return the parts of segments that lie on cells of a sheet.
 
-    Each row is a view of a segment from a face; a segment on an edge may have two views, one from each face.
-    face        : (v,) the chart's face of each view.
+    A view is a segment as a face sees it; a segment on an edge may have two views, one from each face.
+    face        : (v,) the chart's face of each view.    segment : (v,) number of the segment.
     view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of this face.
-    segment     : (v,) number of the segment.
     F           : (m, 3) the uncut faces."""
     corners = _parent_coordinates(chart.weights, chart.surface.F[face], chart.parent[face], F)
     ends = view_ends @ corners  # barycentric coordinates on the uncut faces
@@ -100,7 +99,7 @@ def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) 
 
 
 def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """Begin and end (q,) of the part of each segment (q, 2, 2) inside its triangle (q, 3, 2); end < begin for none."""
+    """Begin and end (q,) of the part of each segment (q, 2, 2) in its triangle (q, 3, 2); end < begin if outside."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
@@ -130,7 +129,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: its points (k, 3), metres, and the number of the line on most of its length."""
+    """A middle line of a member: its points (k, 3), metres, and the line's number on most of its length."""
 
     number: int
     points: Floats
@@ -158,8 +157,7 @@ class Chords:
 
              |                  A whole number k between the values at a face's corners gives a segment between two
         ---o-+-o---  k          sides or from a corner. If two corners have the value k, the side between is a segment.
-             |
-        """
+             |"""
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
         wide = chart.carry(half_width)[chart.surface.F].min(axis=1) > 0
         live = np.flatnonzero((scale > 0).all(axis=1) & wide)
@@ -192,9 +190,11 @@ class Chords:
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
     """Nodes (v, 2) at which segments end, and points (nodes, 3), metres.
 
-    An end is a corner of the face if `at_corner`, else a point of the side that begins there, at `share` of its length.
+    An end is a corner of the face (`at_corner`), or lies at the fraction `share` of the side that begins at the corner.
     """
-    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # vertices on both sides of a cut become one
+    V, vertex = np.unique(
+        chart.surface.V, axis=0, return_inverse=True
+    )  # vertices on both sides of a cut become one vertex
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
     start, side = F[face, corner], edges.of[face, corner]
@@ -216,7 +216,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
     half_width : (n,) in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : families of members that cross these members. Lines in cells of such families alone are left out."""
+    passing    : families of members that cross these members. Lines only in cells of these families are left out."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -258,7 +258,6 @@ def dominant_number(number: Ints, weight: Floats) -> int:
 
 
 BOUNDARY = "boundary"  # The name of the family of edges on the boundary of the uncut surface.
-
 STRIPES = ("major", "minor")  # The families of a chart, in its order.
 
 
@@ -270,8 +269,7 @@ class CornerLines(NamedTuple):
 
 
 Phase = Floats | CornerLines | None
-"""Phase z (n,) on the uncut surface, a whole number at the middles of stripes; or values at corners; None without
-stripes."""
+"""Phase (n,) on the uncut surface, whole at the middles of stripes; or values at corners; None without stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
@@ -375,7 +373,7 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
     """Loops of boundary vertices, and for each loop the half-edges after its vertices.
 
-    If the surface has two sides, it lies on the left of the loops."""
+    A surface with two sides lies on the left of the loops."""
     half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)
     by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
     by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}

@@ -31,13 +31,13 @@ ZERO = 2.0**-30  # Offsets from the middle of a band below this number, in the u
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """The stripes of one field of a cut. A stripe lies where a level is between the two columns of the field.
+    """The stripes of one field of a cut. A stripe lies where one of the levels is between both values of the field.
 
     family : name; fields of the same family do not cross each other.
-    field  : two columns at corners of the uncut surface; or (n', 2) at the vertices of the material sheet.
+    field  : two values at corners of the uncut surface; or values (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
-    centre : the middle line of a stripe lies where the mean of both columns is its level + centre.
-    hides  : if True, the stripe appears only in its own material, or in that of an earlier field with `hides`."""
+    centre : the middle line of a stripe lies where the mean of both values is the stripe's level + centre.
+    hides  : if True, the stripe appears only in its own material, or in material of an earlier field that hides."""
 
     family: str
     field: CornerField | Floats
@@ -51,13 +51,12 @@ class Overlay:
     """A material sheet that is also divided along hidden edges, and the stripes of each cell.
 
     sheet  : m cells, all of them material; `family` is the field that made each cell.
-    source : (m,) the cell before this division that each cell is a part of.
+    source : (m,) the undivided cell that contains each cell.
     part   : (m, f) for each field, the connected stripe that a cell belongs to; -1 for none.
     of     : (count,) the field of each stripe.    level : (count,) the level on most of its area.
     own    : (m,) True for cells in a stripe of the field that made them material.
-    offset : (m, 3, f) field at the corners minus the value on the middle line of the cell's stripe. It is never 0, so
-             that the line crosses two sides of a cell or none. Cells at an edge agree on the values there up to a sign.
-    """
+    offset : (m, 3, f) field at the corners minus the value on the middle line of the cell's stripe; never 0, so that
+             the line crosses two sides of a cell or none. Both cells at an edge have equal offsets up to a sign."""
 
     sheet: Sheet
     source: Ints
@@ -128,7 +127,7 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 class _BandOnCells:
     """The values of a band on triangles.
 
-    z : (m, 3) mean of both columns at the corners, in the triangle's sign.    d : (m,) half of their difference.
+    z : (m, 3) mean of both values at the corners, in the triangle's sign.    d : (m,) half of their difference.
     number : (m,) the level nearest to the centroid.    off : (m,) difference between this level and z at the centroid.
     sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.
     blank : (m,) mask of triangles without values."""
@@ -170,8 +169,8 @@ class _BandOnCells:
     def offsets(self, in_stripe: Bools) -> Floats:
         """Return z - number (m, 3) on triangles in the mask, NaN elsewhere.
 
-        A zero becomes a tiny number, with the same sign in all triangles at its vertex. So every line crosses
-        triangles."""
+        A zero becomes a tiny number of equal sign in all triangles at its vertex, so that every line crosses triangles.
+        """
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < ZERO
         offset[zero] = 0.0
@@ -192,7 +191,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # `slicing.snap` moves edges
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # because `slicing.snap` moves edges
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)

@@ -25,7 +25,7 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """Middle lines of a family, divided into bays, which lie between crossings with members of the other family.
+    """Middle lines of a family, in parts (b,). A bay lies between two crossings with members of the other family.
 
     piece  : (b,) the piece of `middles` that each part lies on.    at : (b, 3) barycentric coordinates of its middle.
     length : (b,) metres of each part.    bay : (b,) the bay of each part, of `count`.
@@ -69,8 +69,7 @@ class Bays:
 
 
 def bays(middles: StripeMiddles) -> Bays:
-    """Divide the middle lines of a family at the middle lines of the other family, where the other phase is a whole
-    number."""
+    """Divide the middle lines of a family where they cross middle lines of the other family, at whole phases."""
     chart, face = middles.drawn, middles.face
     other_family = 1 - middles.k
     corner = chart.surface.F[face]
@@ -104,9 +103,7 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Number of bays, and the bay of each part.
-
-    Parts that meet at a node belong to the same bay, unless the node is in `barrier` (j,), the mask of crossings."""
+    """Number of bays, and the bay of each part. Parts that meet at a node outside `barrier` (j,) share a bay."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -144,7 +141,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
     confidence : (m,) clarity of the direction, 0 to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > 0.25  # else principal stresses differ by under 10 % of their RMS
+    clear = confidence[middles.face] > 0.25  # principal stresses differ by over 10 % of their RMS
     turns_back = _turning_nodes(middles, along[middles.face], clear)
     deviates = clear & (deviation[middles.face] > OFF)
     count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])
@@ -183,14 +180,13 @@ class Arms(NamedTuple):
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """True if a member of a width in metres ends at this place. A single arm over 3 times as wide is a junction."""
+        """True if a member of a width in metres ends at this place. A single arm wider than 3 widths is a junction."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
         """True if a member of a width in metres ends or turns back at this place.
 
-        Both arms are turned into one plane first, so that a member that passes a sharp edge of the surface is straight.
-        """
+        Both arms are turned into one plane, so that a member across a sharp edge of the surface is straight."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
         unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]
@@ -231,9 +227,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """The faces that the ball may reach, divided until their edges are at most half its radius.
-
-    If the ball reaches no face, the whole sheet is returned."""
+    """Return faces that the ball may reach, divided to edges of at most half the radius; if none, all faces."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -251,8 +245,7 @@ def _ball_crossings(sheet: Surface, distance: Floats, edge: Ints, radius: float)
     return np.asarray(sheet.V[a] + share * (sheet.V[b] - sheet.V[a]))
 
 
-SHARES = (0.05, 0.5, 0.95)  # Quantiles of spacings and openings that are reported, as shares of the area.
-
+SHARES = (0.05, 0.5, 0.95)  # Quantiles of spacings and openings, weighted by area.
 Quantiles = tuple[float, float, float]
 
 
@@ -262,12 +255,10 @@ class FamilyQuality:
 
     spacing    : metres from middle to middle: P5, median and P95 over the area without other material than stripes.
     opening    : metres of clear opening between neighbours: P5, median and P95 over the open area.
-    deviation  : mean angle to the stress, degrees, weighted by area x stress along the members x clarity of its
-                 direction.
-    off        : sum of these weights where members deviate by over 30 degrees, divided by their sum everywhere.
+    deviation  : mean angle to the stress, degrees, weighted by area x stress along members x clarity of its direction.
+    off        : sum of these weights where members deviate by over 30 degrees, divided by the sum of all weights.
     dead_ends  : see `dead_ends`.
-    slits      : number of openings narrower than the members beside them. Before the cut this is the number of such
-                 bays (see `Bays`); on a cut sheet see `dsfab.slicing.finishing.openings`.
+    slits      : number of openings narrower than the members beside them; before the cut, of such bays (see `Bays`).
     slit_share : length of members beside such openings, divided by the length of all members.
     drawn      : False without members; then all numbers are 0."""
 
@@ -300,7 +291,7 @@ class PatternQuality:
     crossing_angle : degrees, the smallest angle between two members that cross; 90 without crossings.
     symmetry_error : share of the surface where material differs from its image under a symmetry of the design, the
                      largest over all symmetries; None without symmetries.
-    turned         : degrees by which the user turned the stripes off the stress; deviations count from there.
+    turned         : degrees by which the user turned the stripes off the stress; deviations count from this angle.
     titles         : names of both families in words."""
 
     major: FamilyQuality
@@ -357,7 +348,7 @@ def pattern_quality(
 
     stress     : (m, 2) principal stresses along the major and the minor members.
     direction  : (m, 2, 3) their unit directions.    confidence : (m,) clarity of these directions, 0 to 1.
-    guided     : (m,) faces where members follow a guide, so that turning back is no fault; default none."""
+    guided     : (m,) faces where members follow a guide and may turn back; default none."""
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
     families = [_family(chart, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
     angles = np.concatenate([cut.angle for _, cut in families])

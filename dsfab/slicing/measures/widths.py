@@ -28,7 +28,7 @@ class FarEnds(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Lines on their way over triangles: number, half-edge of entry, metres along it, direction, and length so far."""
+    """Lines on their way over triangles: number, half-edge of entry, metres along this half-edge, direction, length."""
 
     number: Ints
     edge: Ints
@@ -42,7 +42,7 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Trace lines from places (k,), metres, on half-edges (k,) to the boundary; lines start square to the half-edges.
+    """Trace lines (k,) from places (k,), metres, on half-edges (k,) and at right angles to these, to the boundary.
 
     reach : metres; a longer line may stay without an end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
@@ -85,9 +85,7 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
 
 
 def _frames(surface: Surface) -> Floats:
-    """For each half-edge, (3 m, 7) numbers in its own frame: its length, the apex of the face, and two unit directions.
-
-    The directions are those of the next two half-edges of the face."""
+    """(3 m, 7) for each half-edge, in its frame: length, apex of the face, unit directions of the next two edges."""
     V, F = surface.V, surface.F
     along, apex = (V[np.roll(F, -k, axis=1)].reshape(-1, 3) - V[F].reshape(-1, 3) for k in (1, 2))
     size = np.linalg.norm(along, axis=1)
@@ -111,7 +109,7 @@ class Crossings:
 
     width  : (k,) metres, the shortest distance from a line's start to the edge at which the line ends.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
-    weight : (k,) length of the starting edge, metres, for the line from its middle; 0 for its other lines.
+    weight : (k,) length of the starting edge, metres, for a line from the edge's middle; 0 for other lines.
     walls  : (k, 2) the edges of the surface at both ends of the line."""
 
     width: Floats
@@ -142,8 +140,8 @@ def crossings(
 ) -> Crossings:
     """Measure the width of a sheet from all its walls.
 
-    surface : an edge-manifold sheet.    walls : (e,) the boundary edges that are walls; lines that end elsewhere are
-              left out.
+    surface : an edge-manifold sheet.
+    walls   : (e,) the boundary edges that are walls; lines that end at other edges are left out.
     start   : (e,) walls at which lines start; default all.    shares : positions of starts on each wall, 0 to 1.
     tips    : if True, lines in tips count.    reach : metres; longer lines may be left out."""
     starting = walls if start is None else walls & start
@@ -166,7 +164,7 @@ def crossings(
 
 
 def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
-    """For each line, the point of the half-edge at its end that is nearest to its start; and their distance, metres.
+    """Return the point nearest to each line's start on the half-edge at the line's end; and the distance, metres.
 
           o start
          /|           The foot of the perpendicular from the start, or the end of the half-edge if the foot is beyond.
@@ -183,11 +181,10 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
     """Mask (k,) of lines between walls that converge to a tip.
 
-    slope : (k,) cosine between a line and the half-edge at its end; negative if the walls converge along it.
+    slope : (k,) cosine between a line and the half-edge at its end; negative if walls converge along this half-edge.
 
-    Two walls at an angle a, joined by a line of length w, meet at a distance w / (2 tan(a / 2)) from the line. From
-    there on both walls together have twice this length. A line is in a tip if its walls have 0.4 to 1.7 times this sum.
-    """
+    Two walls at an angle a, joined by a line of length w, meet at a distance w / (2 tan(a / 2)) from the line. A line
+    is in a tip if both walls together, from the line to the tip, have 0.4 to 1.7 times twice this length."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -224,9 +221,7 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 
 def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
-    """Find the loops of edges with ends (e, 2).
-
-    Return the loop (e,) of each edge, the numbers of edges in their order along the loops, and the number of loops."""
+    """Return the loop (e,) of edges with ends (e, 2), the edges in order along the loops, and the number of loops."""
     slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; sorted by vertex
     onward = np.empty_like(slot)
     onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the end by which a walk leaves the next edge
@@ -247,12 +242,12 @@ def _edge_vectors(surface: Surface, h: Ints) -> Floats:
     return np.asarray(surface.V[F[next_half_edge(h)]] - surface.V[F[h]])
 
 
-ROUNDING = 1e-6  # Widened members may miss a limit by this share of the limit.
+ROUNDING = 1e-6  # Widened members may miss a limit by this fraction of the limit.
 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest member, gap or edge: metres, its place (3,), a word for it, and the uncut mesh width there."""
+    """The smallest member, gap or edge: metres, place (3,), name in words, and the width of the uncut mesh there."""
 
     size: float
     place: Floats
@@ -301,10 +296,9 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Limits (b + 1,) of about `count` equal bins from 0 to `end`, one of them at `limit` if this is below `end`.
+    """Limits (b + 1,) of about `count` equal bins from 0 to `end`; a bin ends at `limit` if `limit` is below `end`.
 
-    If equal bins would be more than `largest_count`, the first bin ends at the limit and is narrower than the others.
-    """
+    Instead of more than `largest_count` equal bins, the first bin ends at the limit and is narrower."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))
@@ -318,7 +312,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
     cells : all cells, material and void.    built : (m',) cells of the structure.    names : of the fields, see `cut`.
 
-    Widths and gaps are the lengths of the lines in `crossings`, on the sheet itself. They are exact between straight
+    Widths and gaps are the lengths of the lines in `crossings`, on the sheet itself. Lengths are exact between straight
     walls, and right to 1 - cos a between walls that bend by an angle a from edge to edge. Gaps in tips count if `tips`
     is set. Corners between walls at more than 20 degrees never count. Pieces and openings that are too small or too
     round for such lines count with 4 area / perimeter: in a triangle or a square, the diameter of the inner circle."""
