@@ -16,8 +16,7 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.workshop.development import Development, StripCourse
 from dsfab.workshop.parts import FlatPart, half_plane_clip, label
 
-STEEP_SINE = np.sin(np.radians(25.0))
-"""Sine of the least slope of a strip with a tab in the plate; a flatter strip has no tab and is glued on the plate."""
+STEEP_SINE = np.sin(np.radians(25.0))  # a strip with a smaller slope has no tab and is glued on the plate
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +77,8 @@ class BasePlane:
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
     def support_height(self, point: Floats, width: float) -> float | None:
-        """Return the height over the plate (m) of the support nearest to a strip's end (3,); None if it is far away."""
+        """Return the height over the plate (m) of the support nearest to a strip's end (3,); None if no support is
+        near."""
         distance, k = cKDTree(self.supports).query(point)
         is_near = float(distance) < self.reach + width
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
@@ -116,9 +116,9 @@ class BasePlane:
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), at_end)
 
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
-        """Return arc lengths (q,) near `station` at which lines beside the axis have a height over the plate (m), or
+        """Return arc lengths (q,) near `station` at which lines beside the axis reach a height over the plate (m), or
         None.
-        sides : (q,) distances of these lines to the left of the axis (m)."""
+        sides : (q,) distances of the lines to the left of the axis (m)."""
         s, course = np.full(len(sides), station), layer.course
         for _ in range(20):  # these are Newton steps
             P, T, B, _ = layer.frame(s)

@@ -78,8 +78,7 @@ def sheet_hints(
 
 
 def narrow_strip(part: FlatPart, share: float) -> FlatPart:
-    """Return a strip with its width multiplied by `share`; its middle line and its holes do not change.
-    A part that is no strip does not change at all."""
+    """Return a strip with its width multiplied by `share`; its middle line and holes, and other parts, do not change."""
     if not _is_strip(part):
         return part
     outline = part.outline

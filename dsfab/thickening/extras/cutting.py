@@ -149,6 +149,4 @@ def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | Non
     dot = manifold3d.CrossSection.square((low / 9, low / 9), center=True).translate(middle.tolist())
     if not (inset(0.9 * low) ^ dot).is_empty():
         return np.asarray(middle)
-    return np.asarray(
-        corners[np.linalg.norm(corners - middle, axis=1).argmin()]
-    )  # bent strips have an outer middle
+    return np.asarray(corners[np.linalg.norm(corners - middle, axis=1).argmin()])  # bent strips have an outer middle

@@ -102,7 +102,7 @@ def slot_width(thickness: float, angle: float) -> float:
 
 
 def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
-    """Return the families, the lowest first, which stands on the ground and carries the rest; up : (3,) unit vector."""
+    """Return the families from the lowest, which stands on the ground, to the uppermost; up : (3,) unit vector."""
     z = graph.sheet.surface.V @ up
     begins: dict[str, list[float]] = {family: [] for family in STANDING_ORDER}
     for member in graph.members:
