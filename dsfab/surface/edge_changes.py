@@ -168,10 +168,10 @@ def has_three_corners(F: Ints) -> Bools:
 
 
 def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = None) -> Bools:
-    """Return which candidates (c,) precede all candidates near them. No two of these touch the same vertex.
+    """Return which candidates (c,) precede all candidates near them. Two results never touch a common vertex.
     order   : (c,) the candidates, best first.
     touched : (c, k) of n vertices that each candidate touches.
-    edges   : (e, 2) edges of the mesh; with these, no two results touch neighbouring vertices either."""
+    edges   : (e, 2) edges of the mesh; if given, two results never touch neighbouring vertices either."""
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     least_rank = np.full(n, len(order))

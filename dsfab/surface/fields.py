@@ -64,7 +64,7 @@ class StructureLine:
     """A line of the structure, as a polyline on the surface.
     kind   : "edge", the end of the material, or "centre", the middle of a member.
     family : "major", "minor", "keep" or "rim"; or "boundary" where material ends with the surface.
-    number : number of the stripe in its family, the value of z on its middle line; 0 in families without stripes.
+    number : number of the stripe in its family: the stripe coordinate on its middle line; 0 without stripes.
     part   : 1, 2, ... among the lines of the same kind, family and number.
     points : (k, 3) metres; the last point repeats the first if the line is closed.
     length : metres, of the line on the mesh, before any simplification."""

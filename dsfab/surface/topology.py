@@ -9,7 +9,7 @@ from scipy.sparse import coo_array, csr_array
 from dsfab.core.arrays import Bools, Ints, complement, first_few
 from dsfab.core.messages import count_phrase
 
-LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex.
+LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex, because each step takes time for all vertices.
 
 
 @dataclass(frozen=True, eq=False)

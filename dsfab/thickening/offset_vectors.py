@@ -128,8 +128,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Return `point` (n, 3) as unit normals. Where a point sees a face from behind, return `mean`, or any face's
-    normal."""
+    """Return `point` (n, 3) as unit normals; `mean` or any face's normal where a point sees a face from behind."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():

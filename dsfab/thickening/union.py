@@ -215,8 +215,7 @@ class _Part(NamedTuple):
 
 
 def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _Part:
-    """Return the closed mesh over the faces of a part; patches that touch in a vertex get separate copies of the
-    vertex."""
+    """Return the closed mesh over the faces of a part; patches that touch in a vertex get separate copies of it."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

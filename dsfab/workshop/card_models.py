@@ -25,7 +25,7 @@ from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import splice_cuts, strip_fits
 from dsfab.workshop.strips import HOLE_FIT, StripLimits, bending_strain, is_strip, letter_height
 
-CREASE_STRAIN = 0.01  # greyboard creases at a bending radius of 50 thicknesses, as a rule; thin card bears more
+CREASE_STRAIN = 0.01  # rule of thumb: greyboard creases at a bending radius of 50 thicknesses; thin card bears more
 NARROWEST = 0.002  # least width of card strips (m); a laser tears narrower strips at holes and burns through them
 MODEL_LETTERS = (0.003, 0.002)  # largest heights of part names and of node names (m)
 
@@ -53,7 +53,7 @@ def _scaled_member(member: Member, scale: float) -> Member:
 
 
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
-    """Return notes on a graph at model size with pins of a diameter `bolt` (m): bends, narrow members, coarse meshes."""
+    """Return notes on a graph at model size with pins of a diameter `bolt` (m): bends, narrow members, coarse mesh."""
     notes = []
     card = f"card of {length(limits.thickness)}"
     bending_text = f"{card} bends to a strain of {limits.bending:.2%} ({limits.member} most)"
@@ -108,7 +108,7 @@ def _rounded_scale(limit: float) -> float:
 
 THROUGH_ORDER = ("keep", "rim", "major", "minor")  # where two families cross, the first of them is continuous
 ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and at its tip, over the width of its panel
-TAB_GAP_SHARE = 0.15  # distance between a tab and the axis of the member above, over half the width of this member
+TAB_GAP_SHARE = 0.15  # distance of a tab from the axis of the member above, over half its width; tabs stay apart
 SHARP_SINE = float(np.sin(np.radians(25.0)))  # members that meet at sharper angles are glued on each other, not cut
 
 

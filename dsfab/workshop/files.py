@@ -131,8 +131,7 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def part_costs(plan: WorkshopPlan) -> dict[str, float]:
-    """Return the cost of each part, by name: the price of a sheet is divided among its parts by area. Empty without
-    prices."""
+    """Return the cost of each part, by name: its sheet's price, divided among parts by area; empty without prices."""
     if not any(s.price for s in plan.sheets):
         return {}
     areas = [sum(x.part.area for x in s.parts) for s in plan.sheets]

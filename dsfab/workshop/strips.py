@@ -305,8 +305,8 @@ class StripLimits:
 
 def drilling_edge(graph: MemberGraph) -> float:
     """Return the largest edge (m) of a mesh whose flat faces change usual bays by at most `HOLE_FIT`; infinite without
-    bending. Edges e change a bay L with curvature k by about L (e k)^2 / 8 at most. On a smooth surface with equal cut
-    lines, bays of a dome differed by 0.3 mm (formula 0.3 mm), of a tower by 17 mm (26 mm)."""
+    bending. Edges e change a bay L with curvature k by about L (e k)^2 / 8 at most. Compared with a
+    smooth surface, bays of a dome differed by 0.3 mm (by the formula 0.3 mm), and of a tower by 17 mm (26 mm)."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
     bend = float(np.quantile(np.concatenate(bends), 0.95)) if bends else 0.0  # ignores rare peaks

@@ -8,14 +8,14 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, le
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 RAGGED_TURN = float(np.radians(35))
-"""Radians, measured in the surface. The border may be ragged at vertices where it turns by more. A finely divided
-border turns less at each vertex, except at intended corners."""
+"""Least turn of a ragged border at a vertex, in radians, measured in the surface. A finely divided border turns less,
+except at intended corners."""
 LEAST_TURNS = 12
-"""Least number of alternating turns in a row in a ragged border. Fewer turns may be intended: a door has four corners,
-and an opening in a 5 m roof may have fifteen edges. Straightening such an opening made a STEP file fail."""
-LARGEST_GAP = 3  # Largest number of edges from one turn to the next; intended teeth are longer.
+"""Least number of successive alternating turns in a ragged border. Fewer turns may be intended: a door has four
+corners, and an opening in a 5 m roof may have fifteen edges. Straightening such an opening made a STEP file fail."""
+LARGEST_GAP = 3  # Largest number of edges between two turns of a ragged border; intended teeth are longer.
 FLAT = float(np.radians(150))
-"""Radians. Straightening may open the corner of a face on the border beyond this angle; the face is then removed."""
+"""Largest angle of a face on a straightened border, in radians. Faces with larger angles are removed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,8 @@ class EvenEdges:
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
     """Return the mesh V (n, 3), F (m, 3) with straightened borders; unchanged if an edge has more than two faces. A
-    border is ragged if it turns left and right alternately by over `RAGGED_TURN`, at least `LEAST_TURNS` times, with at
-    most `LARGEST_GAP` edges between turns. It stays if straightening would move a vertex by over a mean edge."""
+    ragged border turns left and right alternately by over `RAGGED_TURN`. It has at least `LEAST_TURNS` such turns, with
+    at most `LARGEST_GAP` edges between them. A border stays if a vertex would move by over a mean edge."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -114,8 +114,7 @@ def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
 
 
 def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
-    """Return the corners (k - 2, 3) of triangles that fill the outline P (k, 3) with the least area; None if
-    impossible.
+    """Return triangles (k - 2, 3) that fill the outline P (k, 3) with the least area, as corners of P; or None.
     joined : (k, k) pairs of points that already have an edge in the mesh, which a triangle must not create again.
     The corners of each triangle follow the direction of the outline."""
     k = len(P)

@@ -49,8 +49,7 @@ class MendedMesh:
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
-        """Return the mesh with only the faces `keep` (k,), and a repair text that describes the dropped faces by
-        `which`."""
+        """Return the mesh with only the faces `keep` (k,); its repair text describes the dropped faces by `which`."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -255,7 +254,7 @@ def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
         away /= np.maximum(lengths(away), 1e-300)[:, None]
         cosine = away @ away.T
         np.fill_diagonal(cosine, np.inf)
-        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the most opposite directions
+        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the pair with the most opposite directions
         smoothest_pairs.append((h[i], h[j]))
     return np.array(smoothest_pairs, dtype=np.int64).reshape(-1, 2)
 

@@ -38,7 +38,7 @@ def in_reach(V: Floats) -> Bools:
 def merged_vertices(
     V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None
 ) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) at one place. Return the remaining vertices, and the index (n,) of each old vertex there.
+    """Merge vertices V (n, 3) at one place. Return the remaining vertices, and each old vertex's index (n,) there.
 
     within : largest distance between vertices at one place, over the mesh's largest side; no vertex moves farther. The
              default suits `trimesh.slice_plane`, whose cuts give a vertex slightly different coordinates in each face.
@@ -95,7 +95,7 @@ of an arc of 30 degrees over its chord. Seams narrower than `within` need no com
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
     """Stitch open seams of faces F (m, 3): divide the faces along a seam into fans.
     Return the faces and the number of joined vertices. The faces stay unchanged if an edge would get over two faces.
-    within : largest distance of a vertex that lies on an edge, in the unit of V."""
+    within : largest distance between an edge and a vertex on the edge, in the unit of V."""
     faces, joined = F, 0
     for _ in range(4):  # a face has up to three edges at a seam, and each round stitches one of them
         half, vertex = _open_seams(V, faces, edge_table(faces), within)

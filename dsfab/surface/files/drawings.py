@@ -184,7 +184,7 @@ class _Entities:
             words = f"{insert.dxf.name!r}, whose content is elsewhere"
             self.counts[Content("external reference", "dropped", words)] += 1
             return
-        turned = insert.matrix44().determinant() < 0  # with outer blocks, which virtual_entities() applied
+        turned = insert.matrix44().determinant() < 0  # virtual_entities() has applied outer blocks
         self.counts[Content("block insertion" if turned == mirrored else "mirrored block insertion")] += insert.mcount
         for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
             yield from self.leaves(copy.virtual_entities(), depth + 1, layer, turned, hidden)

@@ -11,7 +11,7 @@ import pythoncdt as cdt
 from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
-"""Cosines of the angle between the triangles of a quad. Above `FLAT` it is flat; below `WARPED` a fold may cross it."""
+"""Cosines of the angle between a quad's triangles: flat quads are above `FLAT`; below `WARPED`, folds may cross."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
 """A quad is cut along its longer diagonal if its triangles then bend against flat neighbours by less than `ON`, the
 chord of 10 degrees. The bend must also be below `BETTER` times the bend with the shorter diagonal."""
@@ -81,7 +81,7 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
 
 
 MOST_CORNERS_FOR_EARS = 12  # Larger polygons are not cut by ears, because this takes k^3 steps for k corners.
-MANY = 2000  # More corners get Delaunay triangles: a comb of 100,000 corners takes 0.2 s, with earcut 4 s.
+MANY = 2000  # Polygons with more corners get Delaunay triangles: 0.2 s for a comb of 100,000 corners, earcut takes 4 s.
 NOISE = 32 * float(np.finfo(np.float64).eps)
 """Largest distance of a straight corner from the line of its neighbours, over the largest coordinate."""
 ORDER = cdt.VertexInsertionOrder.AUTO  # An order of insertion in which near points follow each other.

@@ -43,9 +43,9 @@ CHUNK = 1 << 14  # Triangles of a text file between two checks of the time.
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
-    """Return the triangles of an STL file, with coincident corners merged. The length of the file tells binary files
-    from text, because many binary files also begin with "solid". Raises MalformedFileError for an incomplete or foreign
-    file, SurfaceError beyond the budget."""
+    """Return the triangles of an STL file, with coincident corners merged. The length of the file distinguishes binary
+    files from text, because many binary files also begin with "solid". Raises MalformedFileError for an incomplete or
+    foreign file, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
@@ -98,7 +98,7 @@ def _line_number(text: str, position: int) -> int:
 
 _NAMESPACES = "core materials production beamlattice slice trianglesets".split()  # noqa: SIM905
 """Words in the names of extensions of 3MF that dsfab reads, or that do not change shapes."""
-_TAKEN = ("model", "surface")  # Types of objects that are not aids of a print, such as supports.
+_TAKEN = ("model", "surface")  # Types of objects of the model; other types are aids of a print, such as supports.
 _ROOT = re.compile(r"""Target\s*=\s*["']([^"']+\.model)["']""", re.IGNORECASE)
 Key = tuple[str, str]  # The name of a part of the file, and the number of an object in this part.
 

@@ -147,7 +147,7 @@ SPREAD_PARTS = ("weight", "bare", "covered")  # Load parts that act on faces.
 
 @dataclass(frozen=True, eq=False)
 class LoadParts:
-    """Forces at the vertices of a surface, and tractions on its faces, which are whole on the uncut surface.
+    """Forces at the vertices of a surface, and tractions on its faces. Loads of the uncut surface cover whole faces.
 
     point   : (n, 3) newtons: forces and lines.
     weight  : (m, 3) Pa, weight of the sheet itself, in proportion to its material.

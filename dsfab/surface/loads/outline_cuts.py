@@ -67,7 +67,7 @@ class EdgeCrossings(NamedTuple):
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
     """Return the points at which the line crosses edges, by bisection. The ends of such an edge are on opposite sides.
-    An edge also crosses the line if one end is on the line and the edge first runs on the wrong side."""
+    An edge with one end on the line also crosses the line if it begins on the side opposite to its other end."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)

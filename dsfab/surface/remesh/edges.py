@@ -114,11 +114,11 @@ class Net:
 
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
-    """Return which candidates (c,) cost less than all candidates near them. No two of these share a vertex.
+    """Return which candidates (c,) cost less than all candidates near them. Two results never share a vertex.
     touched : (c, k) vertices of each candidate.
     cost    : (c,), rounded to eight levels, because exact costs that rise along a strip would select only its end. A
               hash gives the order within a level [Knuth 1973, multiplicative hashing].
-    edges   : (e, 2) edges of the mesh; with these, no two candidates touch neighbouring vertices either."""
+    edges   : (e, 2) edges of the mesh; if given, two results never touch neighbouring vertices either."""
     if not len(cost):
         return np.zeros(0, dtype=bool)
     spread = np.ptp(cost)
@@ -127,7 +127,7 @@ def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) 
     return leading_candidates(order, touched, n, edges)
 
 
-LONGEST = 4 / 3  # Longer edges, over their wanted length, are halved [Botsch and Kobbelt 2004].
+LONGEST = 4 / 3  # Edges longer than this multiple of their wanted length are halved [Botsch and Kobbelt 2004].
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
@@ -157,7 +157,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Divide marked edges (e,) in the middle, but edges along curves at positions (l,) on the axis that are not nan."""
+    """Divide marked edges (e,) in the middle; along curves at positions (l,) on the axis, if these are not nan."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -182,7 +182,7 @@ def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions
     )
 
 
-SHORTEST = 4 / 5  # Shorter edges, over their wanted length, are collapsed [Botsch and Kobbelt 2004].
+SHORTEST = 4 / 5  # Edges shorter than this share of their wanted length are collapsed [Botsch and Kobbelt 2004].
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,8 +343,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return which edges (q,) may flip: faces turn by 37 degrees at most; the least angle grows or exceeds
-    `LEAST_ANGLE`."""
+    """Return which edges (q,) may flip: faces turn by up to 37 degrees; least angles grow or exceed `LEAST_ANGLE`."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))

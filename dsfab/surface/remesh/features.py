@@ -42,8 +42,8 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 def design_features(surface: Surface, edge: float) -> Bools:
     """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise. The bend of a
-    crease is the angle between mean normals on its two sides, within `edge`, metres. In a scan the mean is within two
-    mean edges, the width of noise. Slight creases over twice this length stay, because they are steps of the design."""
+    crease is the angle between the mean normals on its two sides. The mean covers `edge`, metres, or in a scan two mean
+    edges, the width of noise. Slight creases longer than twice this width stay, as steps of the design."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)

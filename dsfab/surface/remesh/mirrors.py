@@ -76,7 +76,7 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20  # Largest distance between a surface and its mirror image, over the edge length.
+IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, over the edge length; files round coordinates.
 ROUND_ANGLES = (0.7, 1.9)  # Radians. A surface is round if it also has mirrors at these angles to the first mirror.
 MOST_SIDES = 16  # Largest number of mirrored sectors around an axis; a surface with more sectors gets two mirrors.
 

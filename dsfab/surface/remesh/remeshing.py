@@ -163,8 +163,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the smallest wanted edge length (k,) at points (k, 3), metres, of all fields; `trees` of their meshes
-    search."""
+    """Return the smallest wanted edge length (k,) of all fields at points (k, 3), metres. trees : of their meshes."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

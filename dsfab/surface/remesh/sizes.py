@@ -64,7 +64,7 @@ def _at_vertices(surface: Surface, field: Floats) -> Floats:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return the sum (n, k) of edge values (e, k) around each vertex and its neighbours, over the area of these."""
+    """Return the sum (n, k) of edge values (e, k) around each vertex and its neighbours, divided by their area."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -152,8 +152,8 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
     """Return the slopes (k,) at which pairs of curves diverge from their common corner; 0 without a common corner. The
     slope is the width (k,) between two vertices, metres, over their distance from the corner along the curves. At a
-    slope of 0.3, one edge's length from the corner, the surface is 0.3 edges wide, and such edges fill it. Nearer to
-    the corner, edges would become shorter without end."""
+    slope of 0.3, the surface is 0.3 edges wide at one edge's length from the corner, and such edges fill the width.
+    Nearer to the corner, edges would become shorter without end."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):

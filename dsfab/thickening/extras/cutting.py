@@ -75,7 +75,7 @@ class SplitBodies:
     bed         : largest size of a part along x, y, z, metres; parts have equal sizes along each axis.
     apart       : distance (m) between the parts.
     dowel, deep : diameter of the dowels, and their depth in each part, metres; 0 for no dowels. Every cut face gets a
-    hole at its widest place, if the face there is at least twice as wide as the dowel."""
+                  hole at its widest place, if the face there is at least twice as wide as the dowel."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     bed: Vector
@@ -149,4 +149,5 @@ def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | Non
     dot = manifold3d.CrossSection.square((low / 9, low / 9), center=True).translate(middle.tolist())
     if not (inset(0.9 * low) ^ dot).is_empty():
         return np.asarray(middle)
-    return np.asarray(corners[np.linalg.norm(corners - middle, axis=1).argmin()])  # bent strips have an outer middle
+    # the middle of a bent strip may be outside of the strip
+    return np.asarray(corners[np.linalg.norm(corners - middle, axis=1).argmin()])

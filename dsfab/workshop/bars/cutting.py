@@ -16,8 +16,8 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE
 from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, half_plane_clip, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Bolt diameters from the fold to the first bolt, between bolts, and to the plate's end; the first fitting row is used.
-"""
+"""Bolt diameters from the fold to the first bolt, between bolts, and to the plate's end; the first row that fits
+counts."""
 LEG_NAME = "ground"  # name of a plate's leg, because a leg has no bar that gives it a name
 
 

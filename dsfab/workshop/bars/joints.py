@@ -24,7 +24,7 @@ from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
 FLAT_SINE = np.sin(np.radians(5.0))  # sine of the least slope that a surface needs at a support for a leg
-LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half an arm's width: least bolt diameters, and share of the narrowest member
+LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: least bolt diameters, or share of the narrowest member
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 """Anchor diameters from the fold to the first anchor, from there to the second, and from there to the leg's end."""
 
@@ -56,7 +56,7 @@ class Leg:
 @dataclass(frozen=True, eq=False)
 class Footing:
     """Ground contact of a structure: its supports (q, 3) in metres, unit vector `up` (3,), and diameter of anchors (m).
-    reach : nodes this close (m) to a support, plus 0.75 of the widest member's width, are supported."""
+    reach : largest distance (m) from a node to its support, to which 0.75 of the widest member's width is added."""
 
     supports: Floats
     up: Floats

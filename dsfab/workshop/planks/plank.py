@@ -182,8 +182,7 @@ class Plank:
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the assembly direction of the piece at an arc length; None without crossings, or if it cannot slide
-        on."""
+        """Return the assembly direction of the piece at an arc length; None without crossings or if it cannot slide."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:

@@ -31,7 +31,7 @@ def largest_deviation(normals: Floats) -> float:
 
 
 def middle_direction(normals: Floats) -> Floats:
-    """Return the unit vector (3,) midway between those two of the unit vectors (q, 3) that form the largest angle."""
+    """Return the unit vector (3,) midway between the two of the unit vectors (q, 3) with the largest angle."""
     i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
     direction = normals[i] + normals[j]
     return np.asarray(direction / np.linalg.norm(direction))
