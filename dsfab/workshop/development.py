@@ -8,7 +8,7 @@ of two layers would miss each other by centimetres on a dome."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
@@ -173,7 +173,8 @@ def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
     tangents -= np.einsum("ki,ki->k", tangents, normals)[:, None] * normals
     tangents /= np.linalg.norm(tangents, axis=1)[:, None]
     s, P = axis.s[end_index] + u, P + u[:, None] * T + (u**2)[:, None] / 2 * bend
-    rows = {name: np.full(EXTENSION_STATIONS, x) for name, x in (("kg", kg), ("kn", kn), ("tg", tg), ("traced", 0.0))}
+    values = {"kg": kg, "kn": kn, "tg": tg, "traced": 0.0}
+    rows: dict[str, Any] = {name: np.full(EXTENSION_STATIONS, value) for name, value in values.items()}
     return replace(axis, s=s, P=P, T=tangents, N=normals, **rows)
 
 
