@@ -73,7 +73,7 @@ class StripCourse:
         return np.asarray(np.interp(s, self.s, self.left + self.right))
 
     def wrapped_station(self, s: float) -> float:
-        """Return the arc length between `begin` and `end` of the same place on a closed course; else `s`."""
+        """Return `s`; on a closed course, the arc length of the same place between `begin` and `end`."""
         if not self.closed:
             return s
         return self.begin + float(np.mod(s - self.begin, self.end - self.begin))

@@ -88,8 +88,8 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest width of a seam between two patches with common ends, over the length of the edge beside it. It is the height
-of an arc of 30 degrees over its chord. Seams narrower than `within` need no common ends."""
+"""Largest width of a seam between two patches with common ends, over the length of the edge beside it. An arc of
+30 degrees is this high over its chord. Seams narrower than `within` need no common ends."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:

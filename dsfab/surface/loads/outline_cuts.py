@@ -58,7 +58,7 @@ class OutlinedSurface:
 
 
 class EdgeCrossings(NamedTuple):
-    """Crossings of edges (k,), ascending, with the line: `share` (k,), 0 to 1 along the edge, and points (k, 3)."""
+    """Points (k, 3) at which the line crosses edges (k,), ascending, at `share` (k,), 0 to 1 along the edge."""
 
     edge: Ints
     share: Floats
@@ -92,8 +92,8 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the share (k,) of each edge, from its end (0 or 1) on the line, that runs on the wrong side; else 0.
-    sign : (k,) side of the edge's other end, the right side."""
+    """Return the share (k,) of each edge, from its end (0 or 1) on the line, opposite to the side of its far end; else 0.
+    sign : (k,) side of the far end."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
     for t in np.arange(1, TEST_POINTS + 1) / (TEST_POINTS + 1):

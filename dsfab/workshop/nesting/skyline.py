@@ -48,7 +48,7 @@ def column_grid(stock: Sequence[tuple[float, float]], gap: float, grain: bool = 
 
 def part_shapes(part: FlatPart, grid: ColumnGrid, boxes: bool) -> list[PartShape]:
     """Return the shapes of a part along the sheet and, if short enough, across it.
-    boxes : whether to use the box of the part, which needs no half turns, instead of its outline."""
+    boxes : true to use the box of the part instead of its outline; a box needs no half turns."""
     turns = (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2)
     shapes = [_shape(part, turn, boxes, grid.gap, grid.step) for turn in turns[:1]]
     only_along = part.size[0] > grid.tallest or (grid.grain and bool(part.member))

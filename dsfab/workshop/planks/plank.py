@@ -117,7 +117,7 @@ def letters_within(name: str, stock: PlankStock, room: float) -> float:
 
 @dataclass
 class Plank:
-    """Member that becomes parts: stations of its ends and cuts, and the assembly direction (3,) of each piece."""
+    """A member that becomes parts: stations of its ends and cuts, and the assembly direction (3,) of each piece."""
 
     member: Member
     course: StripCourse
