@@ -92,7 +92,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the share (k,) of each edge, from its end (0 or 1) on the line, opposite to the side of its far end; else 0.
+    """Return the share (k,) of each edge that lies opposite to its far end. Its near `end` (0 or 1) is on the line.
     sign : (k,) side of the far end."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
