@@ -38,8 +38,8 @@ LARGEST = 4_000_000  # Largest number of triangles; dsfab refuses a larger numbe
 def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Surface:
     """Return the surface with no edge longer than `target` metres; its old vertices come first.
 
-    smooth = False : facets, area and boundary stay the same. Rounds of halving also halve the longest edge of each
-    affected face, which keeps angles from shrinking [Rivara 1984]. There are no T-junctions.
+    smooth = False : facets, area and boundary stay the same. Each round halves long edges, and the longest edge of
+    each affected face, which keeps angles from shrinking [Rivara 1984].
     smooth = True  : Loop's subdivision [Loop 1987] divides every triangle in four until all edges are short enough.
     Vertices move towards the smooth limit surface. Vertices on a boundary or a crease (30 degrees) stay, and the edges
     between them are halved in place.
@@ -69,7 +69,7 @@ def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -
     positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
-    quarters = finer.reshape(-1, 4, 3)  # the first two of four are at corners 0 and 1
+    quarters = finer.reshape(-1, 4, 3)  # the first two quarters of a face are at its corners 0 and 1
     middle[edges.of] = np.stack([quarters[:, 0, 1], quarters[:, 1, 1], quarters[:, 0, 2]], axis=1)
     moved[fixed_edges] = V[fixed_edges]
     moved[middle[positions]] = V[fixed_edges].mean(axis=1)
@@ -83,10 +83,8 @@ def _check_count(count: int, target: float) -> None:
 
 
 def halved_edges(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:
-    r"""Divide faces at the midpoints of marked edges (e,). A face with marked edges must have its longest edge among
-    them.
-
-    Returns the vertices, the faces, and the old face of each new face.
+    r"""Divide faces at the midpoints of marked edges (e,); the longest edge of each divided face must be marked.
+    Return the vertices, the faces, and the old face of each new face.
 
                  c                             c                          c
                / | \                         / | \                       / \
@@ -150,15 +148,15 @@ def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
 
 
 def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
-    """Return the edges (c,) whose ends share no neighbours except the opposite corners. The collapse of such an edge
-    preserves the topology. Source: link condition [Dey et al. 1999]."""
+    """Return which of the edges `chosen` (c,) can collapse without a change of the topology. The ends of such an edge
+    share no neighbours except the opposite corners: link condition [Dey et al. 1999]."""
     A: csr_array = adjacency(edges, n)
     a, b = edges.ends[chosen].T
     return np.asarray(np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel() == edges.count[chosen])
 
 
 def contracted_faces(F: Ints, onto: Ints) -> Ints:
-    """Return faces F (m, 3) with each vertex replaced by onto (n,), without faces that lost a corner."""
+    """Return faces F (m, 3) with each vertex k replaced by onto[k], (n,), without faces that lost a corner."""
     F = onto[F]
     return np.asarray(F[has_three_corners(F)])
 
@@ -170,10 +168,10 @@ def has_three_corners(F: Ints) -> Bools:
 
 
 def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = None) -> Bools:
-    """Return the candidates (c,) that precede all candidates near them, so that no two results touch the same vertex.
+    """Return which candidates (c,) precede all candidates near them. Two results never touch a common vertex.
     order   : (c,) the candidates, best first.
     touched : (c, k) of n vertices that each candidate touches.
-    edges   : (e, 2) edges of the mesh; with these, no two results touch neighbouring vertices either."""
+    edges   : (e, 2) edges of the mesh; if given, two results never touch neighbouring vertices either."""
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     least_rank = np.full(n, len(order))
@@ -234,7 +232,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Return which quads (k, 4), faces (k, 2), may flip: c-d is new and near the surface, and no face turns over."""
+    """Return which quads (k, 4) of faces (k, 2) may flip: c-d is new and near the surface, and no face turns over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

@@ -44,8 +44,8 @@ def voronoi_mass(surface: Surface) -> Floats:
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
     """Return the sparse sum (n, n) of the face blocks (m, 3, 3); row and column i of a block belong to corner i.
-    diagonal : (n,) added to the diagonal. All matrices with a diagonal have the same pattern, because zeros stay
-               entries."""
+    diagonal : (n,) added to the diagonal. All matrices with a diagonal have the same pattern, because zeros are stored.
+    """
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
     values = blocks.ravel()
@@ -61,10 +61,10 @@ Kind = Literal["edge", "centre"]  # Kind of a line: an end of the material, or t
 
 @dataclass(frozen=True, eq=False)
 class StructureLine:
-    """A polyline on a surface with its meaning.
+    """A line of the structure, as a polyline on the surface.
     kind   : "edge", the end of the material, or "centre", the middle of a member.
     family : "major", "minor", "keep" or "rim"; or "boundary" where material ends with the surface.
-    number : number of the stripe in its family: z = number on its middle line; 0 in families without stripes.
+    number : number of the stripe in its family: the stripe coordinate on its middle line; 0 without stripes.
     part   : 1, 2, ... among the lines of the same kind, family and number.
     points : (k, 3) metres; the last point repeats the first if the line is closed.
     length : metres, of the line on the mesh, before any simplification."""
@@ -87,11 +87,8 @@ class StructureLine:
     @property
     def layer(self) -> str:
         """Layer in a drawing program: `edges-major`, `centre-minor`, `boundary` ..."""
-        return (
-            self.family
-            if self.family == "boundary"
-            else f"{'edges' if self.kind == 'edge' else 'centre'}-{self.family}"
-        )
+        kind = "edges" if self.kind == "edge" else "centre"
+        return "boundary" if self.family == "boundary" else f"{kind}-{self.family}"
 
     @property
     def id(self) -> str:
@@ -114,8 +111,8 @@ def polyline_length(points: Floats) -> float:
 
 def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | None = None) -> list[Track]:
     """Return the lines on which a field x (n,), linear over each face, has one of the ascending levels (l,).
-    within : (m,) faces that may have lines. The lines end at the border of these faces; by default all faces have
-             lines. The chords are exact. A level through a vertex gives chords of length zero, which are removed."""
+    The chords are exact. A level through a vertex would give chords of length zero, which are removed.
+    within : (m,) faces that may have lines; by default all faces. The lines end at the border of these faces."""
     nodes = _nodes(surface, x, levels)
     if nodes.level.size == 0:
         return []
@@ -134,7 +131,7 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 
 class _Nodes(NamedTuple):
-    """Crossings of levels and edges: edge e has the nodes offset[e], offset[e] + 1, ... at the levels begin[e], ..."""
+    """Points where levels cross edges. The nodes of edge e begin at index offset[e], and their levels at begin[e]."""
 
     offset: Ints
     begin: Ints
@@ -177,11 +174,9 @@ def _side(i: Ints, j: Ints) -> Ints:
 
 
 def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """Join links, pairs of `count` nodes, to chains; a node has at most two links. Return the nodes and links (c,) of
-    each chain.
-
-    Open chains come first, each from the end with the lower number; closed chains repeat their first node at the end.
-    """
+    """Join links between `count` nodes to chains. Return the nodes and links (c,) of each chain. A node has at most two
+    links. Open chains come first, each from the end with the lower number. Closed chains repeat their first node at the
+    end."""
     node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)
@@ -246,10 +241,10 @@ class CornerField:
     """A field on a surface with n vertices and m faces; its sign and offset may differ from face to face.
     x      : (n, 1) values at the vertices, or (n, 2) for a band (see `dsfab.slicing.cutting.cut`). In a band, a place
              is material if more levels lie below x[:, 0] than below x[:, 1].
-    sign   : (m, 3) 1 or -1, and shift : (m, 3): the value of a face at its corner is sign * x + shift.
-    blank  : (m,) faces without field; the cut leaves them whole.
-    wanted : (m,) share of each face on which the field applies, or None if it applies everywhere. An opening of earlier
-             fields is kept or closed as a whole, by the mean over its area."""
+    sign   : (m, 3) 1 or -1, and shift : (m, 3). The value at a corner of a face is sign * x + shift.
+    blank  : (m,) faces without a field; the cut leaves them whole.
+    wanted : (m,) share of each face on which the field applies, 0 to 1; None if it applies everywhere. The mean share
+             over an opening of earlier fields decides whether the opening stays."""
 
     x: Floats
     sign: Floats
@@ -281,7 +276,7 @@ class DividedSurface:
     """A surface with n vertices and m faces divided into n' vertices and m' triangles on the same sheet.
     whole   : the undivided surface.    surface : the divided surface; its first vertices are those of `whole`.
     parent  : (m',) the face of each part.
-    weights : (n', n) barycentric weights: each vertex from the vertices of `whole`, as in `dsfab.slicing.Sheet`."""
+    weights : (n', n) barycentric weights of each vertex in the vertices of `whole`, as in `dsfab.slicing.Sheet`."""
 
     whole: Surface
     surface: Surface
@@ -298,8 +293,7 @@ class DividedSurface:
 
     def with_halved_edges(self, edges: Bools, positions: Floats | None = None) -> "DividedSurface":
         """Divide marked edges (e',), and the longest edge of each affected face, which keeps angles from shrinking.
-        positions : (e',) of the new vertices, 0 at the first end of each edge, 1 at the second; by default the middle.
-        """
+        positions : (e',) of the new vertices along the edges, 0 to 1; by default the middle."""
         surface = self.surface
         edges = with_longest_edges(surface.V, surface.edges, edges)
         V, F, source = halved_edges(surface.V, surface.F, surface.edges, edges)
@@ -310,7 +304,7 @@ class DividedSurface:
         return DividedSurface(self.whole, Surface(V, F), self.parent[source], weights)
 
     def cut_parts(self) -> Ints:
-        """Return the triangles (k,) of faces that have been divided, without the faces that are still whole."""
+        """Return the parts (k,) of divided faces; faces that are still whole have no such parts."""
         return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
 
     def corners(self, parts: Ints) -> Floats:
@@ -330,7 +324,7 @@ class DividedSurface:
         edges[uncut] = origins.edges[np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))]
         parts = self.cut_parts()
         corners = self.corners(parts)
-        # [part, k, j]: side k of the part lies on the side of its face opposite corner j
+        # is_on_side[part, k, j]: side k of the part lies on the side of its face opposite corner j
         is_on_side = (corners == 0) & (corners[:, [1, 2, 0]] == 0)
         marked = origins.edges[whole_edges.of[self.parent[parts]][:, [1, 2, 0]]]
         part, side, _ = np.nonzero(is_on_side & marked[:, None, :])

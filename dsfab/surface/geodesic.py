@@ -31,8 +31,7 @@ class Windows:
     def from_columns(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
-        """Return windows from the five columns of `names` (k,), ends A and B (k, 2), metres, start, end and offset
-        (k,)."""
+        """Return windows from columns (k,) of `names`, ends A and B (k, 2), metres, and start, end and offset (k,)."""
         return cls(np.stack(names, axis=1), np.stack([*A.T, *B.T, start, end, offset], axis=1))
 
     @property
@@ -86,12 +85,12 @@ class Windows:
         return self.values[:, 6]
 
     def select(self, which: Ints | Bools) -> "Windows":
-        """Return the windows with these indices or marks (k,)."""
+        """Return the windows selected by indices or marks (k,)."""
         return Windows(self.names[which], self.values[which])
 
     @classmethod
     def concatenate(cls, parts: Sequence["Windows"]) -> "Windows":
-        """Return the windows of all sets in one."""
+        """Join several sets of windows, with k windows in all."""
         return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.values for part in parts]))
 
     def place(self, t: Floats) -> Floats:
@@ -190,7 +189,7 @@ class _Bends(NamedTuple):
 
     @classmethod
     def from_origins(cls, origins: Origins) -> "_Bends":
-        """Return the marked vertices as sources; `_Front.vertex_windows` omits rays whose nearest origin is an edge."""
+        """Return the marked vertices as sources of rays, without an incoming path."""
         vertex = np.flatnonzero(origins.vertices)
         none = np.full((len(vertex), 2), -1)
         return cls(vertex, np.zeros(len(vertex)), none, np.full(none.shape, np.inf), np.pi / 2)
@@ -277,13 +276,11 @@ class _Front:
         corners = np.stack([C, w.at_a, w.at_b])
         (start_side, a0, b0), (end_side, a1, b1) = w.left_offset(w.start, corners), w.left_offset(w.end, corners)
         start, end = zero_share(a0, start_side), np.where(end_side < 0, zero_share(a1, end_side), 1.0)
-        start_windows = Windows.from_columns(
-            (edges[0], face, w.a, c, w.parallel), w.at_a, C, start, end, w.offset
-        ).select(start_side < 0)
+        names = (edges[0], face, w.a, c, w.parallel)
+        start_windows = Windows.from_columns(names, w.at_a, C, start, end, w.offset).select(start_side < 0)
         start, end = np.where(start_side > 0, zero_share(start_side, b0), 0.0), zero_share(end_side, b1)
-        end_windows = Windows.from_columns(
-            (edges[1], face, c, w.b, w.parallel), C, w.at_b, start, end, w.offset
-        ).select(end_side > 0)
+        names = (edges[1], face, c, w.b, w.parallel)
+        end_windows = Windows.from_columns(names, C, w.at_b, start, end, w.offset).select(end_side > 0)
         for windows in (start_windows, end_windows):
             self._note_middles(windows)
         seen = (start_side <= 0) & (end_side >= 0)
@@ -324,9 +321,8 @@ class _Front:
         start, end = (_ray_positions(A, B, turn - angle) for angle in (low, high))
         start, end = np.where(low > 0, start, 0.0), np.where(high < turn, end, 1.0)
         offset = bends.offset[i]
-        w = Windows.from_columns(
-            (edge_of[next_half_edge(half, 1)], face, ahead, back, np.zeros_like(i)), A, B, start, end, offset
-        )
+        names = (edge_of[next_half_edge(half, 1)], face, ahead, back, np.zeros_like(i))
+        w = Windows.from_columns(names, A, B, start, end, offset)
         w = w.select((high - low > SLACK) & ~self.origins.faces[face])
         self.reached[face[bends.offset[i] <= self.reach]] = True
         self._note_middles(w)

@@ -28,9 +28,7 @@ def bounding_box(V: Floats, F: Ints) -> Floats:
 
 
 def signed_volume(V: Floats, F: Ints) -> float:
-    """Return the volume inside closed faces F (m, 3) on vertices V (n, 3), in their unit cubed; negative for inward
-    normals.
-
+    """Return the volume inside closed faces F (m, 3) on V (n, 3), in their unit cubed; negative for inward normals.
     Method: sum of tetrahedra (divergence theorem) with tips in the middle of the box, to keep digits far from 0."""
     return float(_tetrahedron_volumes(V, F).sum())
 
@@ -234,7 +232,7 @@ class Surface:
 
     @cached_property
     def vertex_pieces(self) -> Ints:
-        """Piece (n,) of each vertex, that of one of its faces; -1 for a vertex without faces."""
+        """Piece (n,) of each vertex, which is the piece of one of its faces; -1 for a vertex without faces."""
         piece = np.full(self.n, -1, dtype=np.int64)
         piece[self.F] = self.pieces[1][:, None]
         return piece

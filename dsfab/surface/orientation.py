@@ -31,8 +31,8 @@ def upright_vertices(V: Floats, up: Up) -> Floats:
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
-    """Return 1 or -1 (m, 3) for each face corner: 1 if the face has the same side up as the vertex's first face. All
-    values are 1 on an oriented surface. If several fans of faces meet in a vertex, each fan has its own first face."""
+    """Return 1 or -1 (m, 3) for each face corner: -1 if the face is flipped relative to the first face at the vertex.
+    All values are 1 on an oriented surface. Each fan of faces at a vertex has its own first face."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
     h0, h1 = edges.pairs.T
@@ -61,8 +61,8 @@ def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
-    """Return the faces (m,) to flip so that neighbours agree along a spanning tree of each piece.
-    The function serves one-sided pieces, in which no choice makes all neighbours agree; a short seam remains."""
+    """Return the faces (m,) to flip so that neighbours agree along a spanning tree of each piece. One-sided pieces need
+    such flips, because no choice makes all neighbours agree; a short seam remains."""
     f, g, clash = _neighbours(F, edges)
     m = len(F)
     steps = coo_array((np.concatenate([clash, clash]) + 1, (np.r_[f, g], np.r_[g, f])), shape=(m, m)).tocsr()

@@ -9,7 +9,7 @@ from scipy.sparse import coo_array, csr_array
 from dsfab.core.arrays import Bools, Ints, complement, first_few
 from dsfab.core.messages import count_phrase
 
-LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex; each step takes time for all walks.
+LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex, because each step takes time for all vertices.
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class EdgeTable:
 
     @cached_property
     def outline(self) -> Ints:
-        """(k,) half-edges on the boundary."""
+        """Half-edges (k,) on the boundary."""
         return np.asarray(self.order[self.start[:-1][self.boundary]])
 
     @cached_property
@@ -176,11 +176,9 @@ def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
 
 def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> Ints:
     """Return the faces (m, 3) on new vertices, one vertex for each fan of faces.
-
     Parts that touch in a point are separated, and so are faces on an edge with more than two faces.
-
-    also  : pairs (k, 2) of half-edges that stay joined on such edges.   apart : edges (e,) along which faces separate.
-    """
+    also  : pairs (k, 2) of half-edges that stay joined on such edges.
+    apart : edges (e,) along which faces are separated, too."""
     return _fans(F, edges, also, apart)[1].reshape(-1, 3)
 
 
@@ -199,9 +197,9 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 
 def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
-    """Return whether one walk around each vertex meets all of its corners; False if the walks cannot decide.
-    Walks need oriented faces. A walk starts at the boundary, if the vertex has one, and steps over the edges
-    from corner to corner. It stops after `LONGEST_WALK` steps, because a fan may have thousands of faces."""
+    """Return whether one walk around each vertex meets all of its corners; False if the walks cannot decide. Walks need
+    oriented faces. A walk starts at the boundary, if the vertex has one, and steps over the edges from corner to
+    corner. It stops after `LONGEST_WALK` steps, because a fan may have thousands of faces."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
     start = np.full(n, -1)
@@ -259,7 +257,7 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 
 def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
-    """Return sentences on why faces F (m, 3) on n vertices are no oriented manifold; empty for an oriented manifold."""
+    """Return sentences on why faces F (m, 3) on n vertices are not an oriented manifold; empty if they are."""
     crowded = np.flatnonzero(edges.count > 2)
     opposed = misoriented_edges(F, edges)
     twice = duplicate_faces(F)

@@ -50,8 +50,7 @@ def _edge_names(ends: Ints, count: int = 5) -> str:
     return ", ".join(f"{a}-{b}" for a, b in ends[:count]) + (", ..." if len(ends) > count else "")
 
 
-VISIBILITY_GAP = 0.001
-"""The search ends if the smallest cosine of a normal is within this share of the best possible cosine."""
+VISIBILITY_GAP = 0.001  # The search ends if the smallest cosine is within this share of the best possible cosine.
 CHUNK = 1 << 13  # Number of faces processed together, because they fit the processor's cache.
 
 
@@ -129,7 +128,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Return `point` (n, 3) as unit normals; the mean, or any face's normal, if a point sees a face from behind."""
+    """Return `point` (n, 3) as unit normals; `mean` or any face's normal where a point sees a face from behind."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -160,7 +159,7 @@ class Offsets:
     D        : (n, 3) half of the vector from the lower to the upper skin at each vertex, metres. Zero without faces.
     limited  : number of vertices where the surface bends too sharply for the thickness.
     smallest : smallest remaining share of the thickness; 1 without limited vertices.
-    tightest : the vertex with this share.
+    tightest : the vertex with the smallest share.
     sides    : (m, 3) side of a face, 1 or -1, on which D lies at each of its corners (see `corner_sides`); always 1
                except on one-sided surfaces."""
 
@@ -183,12 +182,12 @@ class Offsets:
 def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> Offsets:
     """Return offset vectors for a sheet of `thickness` (metres, measured normal to its faces) around a surface.
 
-    Each vector has the direction that is most visible from the faces around its vertex. It is longer at creases (mitre,
-    at most twice), and shorter where the prisms over the faces would fold over.
+    Each vector has the direction that is most visible from the faces around its vertex. It is longer at creases
+    (mitre, at most twice), and shorter where the prisms over the faces would fold over.
 
     thickness : of the whole sheet, one number or (n,) at each vertex.
     side      : "mid" for a sheet around the surface, "out" for one on the side of the normals, "in" for the other side.
-    Raises SolidError for a thickness that is not positive, for surfaces that are no manifolds or are wrongly oriented,
+    Raises SolidError for a thickness that is not positive, for surfaces that are not manifolds or are wrongly oriented,
     and for `side` on a one-sided surface."""
     t = _checked_thickness(surface, thickness)
     check_oriented(surface)
@@ -219,7 +218,8 @@ def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
     """Return factors (n,), at most 1, on D (n, 3) for which every prism over a face has a clearly positive Jacobian.
-    The limit of the Jacobian is lower at a corner with an offset nearly parallel to the face: shrinking does not help.
+    The limit of the Jacobian is lower at corners with offsets nearly parallel to the face, because shrinking does not
+    help there.
     sides : as in `Offsets`.    shift : as in `SHIFT`.    shrink : factor of each step.
     smallest : least factor; an exact test of intersections follows later."""
     share = np.ones(surface.n)

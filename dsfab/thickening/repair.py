@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints, distinct
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import smoothing_neighbours
+from dsfab.surface.topology import link_components, smoothing_neighbours
 from dsfab.thickening.self_intersection import intersecting_pairs, pairs_after_moves
 from dsfab.thickening.skin import Skin
 from dsfab.thickening.union import THIN, THINNEST, PrismUnion, prism_union
@@ -24,9 +23,9 @@ class UnfoldedSheet:
 
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
-    """Smooth small folds of a sheet, up to twice its thickness in size. D (n, 3): half-thickness vectors, metres.
-    Such a fold, mostly of a few faces, is a fault of the mesh that no offset can repair: thin prisms over it turn over.
-    Larger folds are intended, because the surface crosses itself there."""
+    """Smooth small folds of a sheet, up to twice its thickness in size. D (n, 3): half-thickness vectors, metres. A
+    small fold, mostly of a few faces, is a fault of the mesh. No offset can repair it, because even thin prisms on the
+    fold turn over. Larger folds are intended, because the surface crosses itself there."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
@@ -87,8 +86,7 @@ def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
     """Return the number of the fold at each vertex (n,), or -1, and the diagonal of each fold's box, metres."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
-    label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(len(V),) * 2), directed=False)[1]
-    used = distinct(corner)
+    label, used = link_components(len(V), i, j)[1], distinct(corner)
     kinds, fold_of_vertex = np.unique(label[used], return_inverse=True)
     fold = np.full(len(V), -1)
     fold[used] = fold_of_vertex
@@ -121,9 +119,9 @@ class RepairedSkin:
 
 
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
-    """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
-    Thinning does not help a sheet that crosses itself: it is cut into patches, and their solids are united.
-    among : mask of the skin's faces that may intersect, with these offsets and any diagonals; default: all."""
+    """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible. Thinning does not help a
+    sheet that crosses itself: dsfab cuts the sheet into patches, and unites their solids.
+    among : mask of the skin's faces that may intersect, with offsets D and any diagonals; default: all."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)

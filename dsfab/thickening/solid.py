@@ -129,8 +129,7 @@ def _triple(point: Floats) -> Place:
     return float(point[0]), float(point[1]), float(point[2])
 
 
-VOLUME_TOLERANCE = 1e-9
-"""Largest difference of the volumes by dsfab and by manifold3d, over area times size, because of rounding."""
+VOLUME_TOLERANCE = 1e-9  # Largest rounding difference from the volume by manifold3d, over area times size.
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +141,7 @@ class Solid:
     genus  : number of handles of its boundary, summed over all its closed boundary surfaces.
     pieces : number of connected pieces of material. A thickened closed surface is one piece with two boundary surfaces.
     notes  : sentences on changes that made the solid buildable, and on remaining faults.
-    repairs : these changes and faults in numbers."""
+    repairs : the changes and faults in numbers."""
 
     V: Floats
     F: Ints
@@ -210,12 +209,11 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
 
     Each wall gets its shorter diagonal. An exact test finds intersections. Repair flips wall diagonals and thins
-    locally, down to 0.3 of D. If the sheet crosses itself, repair unites parts of it that do not. `notes` and `repairs`
-    report the changes and the remaining intersections. The test uses vertices rounded to single precision in
-    millimetres, as in STL files. For flat sheets, and far from the origin, where rounding would be visible, it uses
-    exact vertices. The solid itself stays exact if it passes the same test: then triangles of one plane are one face of
-    a STEP file.
-    Raises SolidError for other sheets, for missing vectors, and if manifold3d rejects the result."""
+    locally, down to 0.3 of D. If the sheet crosses itself, repair divides it and unites solids of its parts. `notes`
+    and `repairs` report the changes and the remaining intersections. The test uses vertices rounded to single precision
+    in millimetres, as in STL files. For flat sheets, and far from the origin, where rounding would be visible, it uses
+    exact vertices. The solid itself stays exact if it also passes the test: then triangles of one plane are one face of
+    a STEP file. Raises SolidError for other sheets, for missing vectors, and if manifold3d rejects the result."""
     check_edges(surface)
     check_contacts(surface)
     surface, D = _used_part(surface, D)

@@ -15,14 +15,14 @@ from dsfab.surface.topology import adjacency, corner_fans, corners_of, edge_tabl
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
-INWARD = 0.005
-"""Move of vertices on the seam of a patch and at its neighbour's ends, as a share of the way to adjacent vertices."""
+INWARD = 0.005  # Share of the way to adjacent vertices by which vertices at seams and at ends of patches move.
 
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """A part of the sheet: a mask (m,) of its faces and adjacent faces of other parts, the sheet's vertices (n, 3),
-    some of them moved, and the factors (n,) on the offsets."""
+    """A part of the sheet with adjacent faces of other parts.
+    faces : (m,) mask of all these faces.    V : (n, 3) vertices of the sheet, some of them moved.
+    share : (n,) factors on the offsets."""
 
     faces: Bools
     V: Floats
@@ -32,7 +32,7 @@ class Overlap:
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Return one part for each colour of the faces (m,); a part extends over adjacent faces of higher colours.
     clashes : (k, 2) pairs of faces of the sheet whose prisms meet; no part contains such a pair.
-    At a seam with a lower colour, parts of colour c are thinner: by 2 % (1 + c / 2) on it, by half of this beside it.
+    A part of colour c is thinner by 2 % (1 + c / 2) on a seam with a lower colour, and by half of this beside the seam.
     """
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
@@ -109,8 +109,8 @@ class PrismUnion:
 def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> PrismUnion | None:
     """Unite the prisms over a sheet whose solid has intersecting faces `pairs` (k, 2).
     corners : (m, 3, 3) offset vectors at the corners of the faces, on the side of each face.
-    Returns None if it would need too many patches, or if manifold3d rejects a part.
-    A cut cannot separate faces that meet at a common vertex. There the sheet bends too sharply and becomes thinner."""
+    Returns None if the union needs too many patches, or if manifold3d rejects a part. A cut cannot separate faces that
+    meet at a common vertex. There the sheet bends too sharply and becomes thinner."""
     graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
     meeting = skin.sources()[pairs]
@@ -205,8 +205,8 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 
 class _Part(NamedTuple):
-    """A closed mesh V (n, 3), F (m, 3), pairs `found` (k, 2) of sheet faces whose prisms meet, and a mask `around`
-    (k,) of the pairs with a common vertex."""
+    """A closed mesh V (n, 3), F (m, 3), pairs `found` (k, 2) of sheet faces whose prisms meet, and a mask `around` (k,)
+    of the pairs with a common vertex."""
 
     V: Floats
     F: Ints
@@ -215,7 +215,7 @@ class _Part(NamedTuple):
 
 
 def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _Part:
-    """Return the closed mesh over the faces of a part; where patches touch in a vertex, each gets a copy of it."""
+    """Return the closed mesh over the faces of a part; patches that touch in a vertex get separate copies of it."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

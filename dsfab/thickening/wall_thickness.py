@@ -4,19 +4,14 @@ from dataclasses import dataclass
 
 import igl
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from dsfab.core.arrays import Floats, Ints, lock
-from dsfab.surface import edge_table
+from dsfab.surface import edge_table, link_components
 from dsfab.thickening.solid import Solid
 
-INSIDE = 0.02
-"""Lines start at this share of the way from a corner to the face's centre: tapering walls are thinnest at corners."""
-OPPOSED = float(np.cos(np.radians(20)))
-"""Faces are opposite if the angle between them is below 20 degrees, because at an edge the thickness would be zero."""
-LARGE = 1e6
-"""Size of the scaled mesh, because libigl's rays miss triangles of less than about 1e-6 in area, in any unit."""
+INSIDE = 0.02  # Lines start near a corner, where tapering walls are thinnest, at this share of the way to the centre.
+OPPOSED = float(np.cos(np.radians(20)))  # Faces at larger angles form an edge, not a wall.
+LARGE = 1e6  # Size of the scaled mesh, because libigl's rays miss triangles of less than about 1e-6 in area.
 FLAT = float(np.cos(1e-3))  # Neighbours that are parallel to a thousandth of a radian form one flat facet.
 
 
@@ -53,8 +48,7 @@ class Facets:
     def __init__(self, F: Ints, N: Floats) -> None:
         pairs = edge_table(F).pairs // 3
         f, g = pairs[np.einsum("ek,ek->e", N[pairs[:, 0]], N[pairs[:, 1]]) > FLAT].T
-        joined = coo_array((np.ones(len(f), dtype=bool), (f, g)), shape=(len(F), len(F)))
-        self._F, self._facet = F, connected_components(joined, directed=False)[1]
+        self._F, self._facet = F, link_components(len(F), f, g)[1]
         self._order = np.argsort(self._facet, kind="stable")
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 

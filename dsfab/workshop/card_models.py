@@ -25,8 +25,7 @@ from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import splice_cuts, strip_fits
 from dsfab.workshop.strips import HOLE_FIT, StripLimits, bending_strain, is_strip, letter_height
 
-CREASE_STRAIN = 0.01
-"""Strain at which greyboard creases, a rule of thumb: a bending radius of 50 thicknesses. Thin card can bear more."""
+CREASE_STRAIN = 0.01  # rule of thumb: greyboard creases at a bending radius of 50 thicknesses; thin card bears more
 NARROWEST = 0.002  # least width of card strips (m); a laser tears narrower strips at holes and burns through them
 MODEL_LETTERS = (0.003, 0.002)  # largest heights of part names and of node names (m)
 
@@ -54,7 +53,7 @@ def _scaled_member(member: Member, scale: float) -> Member:
 
 
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
-    """Return notes on a graph at model size with pins (m): bending of card, narrow members and coarse meshes."""
+    """Return notes on a graph at model size with pins of a diameter `bolt` (m): bends, narrow members, coarse mesh."""
     notes = []
     card = f"card of {length(limits.thickness)}"
     bending_text = f"{card} bends to a strain of {limits.bending:.2%} ({limits.member} most)"
@@ -107,14 +106,10 @@ def _rounded_scale(limit: float) -> float:
     return max((scale for scale in usual if scale <= limit), default=float(np.floor(10 * limit) / 10))
 
 
-THROUGH_ORDER = ("keep", "rim", "major", "minor")
-"""Families in order of continuity: where two families cross, the first of them is continuous."""
+THROUGH_ORDER = ("keep", "rim", "major", "minor")  # where two families cross, the first of them is continuous
 ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and at its tip, over the width of its panel
-TAB_GAP_SHARE = 0.15
-"""Distance from a tab to the middle of the member above, over half the width of this member. The tabs of two opposite
-panels do not meet."""
-SHARP_SINE = float(np.sin(np.radians(25.0)))
-"""Sine of the least angle at which a member is cut at its neighbour; a sharper member is glued on the neighbour."""
+TAB_GAP_SHARE = 0.15  # distance of a tab from the axis of the member above, over half its width; tabs stay apart
+SHARP_SINE = float(np.sin(np.radians(25.0)))  # members that meet at sharper angles are glued on each other, not cut
 
 
 @dataclass
@@ -145,7 +140,7 @@ class PanelParts:
 class _CrossingEdge:
     """Member that crosses a course at the node `name`.
     s : arc length of the crossing.    way : (2,) unit direction of the member.    half : half its width (m).
-    over : whether this member is the continuous one."""
+    over : whether the crossing member is the continuous one."""
 
     name: str
     s: float
@@ -178,11 +173,8 @@ def panel_parts(
     rank = {member.id: (THROUGH_ORDER.index(member.family), k) for k, member in enumerate(members)}
     panels = PanelParts()
     for member in members:
-        edges = [
-            edge
-            for node in graph.nodes_along[member.id]
-            if (edge := _crossing_edge(graph, node, member, courses, rank)) is not None
-        ]
+        crossings = (_crossing_edge(graph, node, member, courses, rank) for node in graph.nodes_along[member.id])
+        edges = [edge for edge in crossings if edge is not None]
         course, feet = ground.cut_course(courses[member.id], 0.0) if ground else (courses[member.id], ())
         _MemberPanels(member, course, thickness, letters, feet).add_panels(panels, edges, room)
     panels.sharp = list(dict.fromkeys(panels.sharp))
@@ -198,9 +190,7 @@ def _crossing_edge(
         return None
     course, across = courses[member.id], courses[crossing_name]
     s, t = course.wrapped_station(node.at[k]), across.wrapped_station(node.at[1 - k])
-    (_, T, N), (_, U, _) = (
-        tuple(x[0] for x in curve.frame_at(np.array([station]))) for curve, station in ((course, s), (across, t))
-    )
+    (_, T, N), (_, U, _) = (tuple(x[0] for x in c.frame_at(np.array([r]))) for c, r in ((course, s), (across, t)))
     direction = np.array([U @ T, U @ np.cross(N, T)])
     half = float(across.width(np.array([t]))[0]) / 2
     return _CrossingEdge(node.id, s, direction / np.linalg.norm(direction), half, rank[crossing_name] < rank[member.id])

@@ -3,12 +3,12 @@
 A curve P + h N lies at a height h along the normals N of the axis. Its lengths, its turn phi against the axis, and its
 bending kg_h in the surface are
     ds_h = sqrt((1 - h kn)^2 + (h tg)^2) ds      phi = atan2(-h tg, 1 - h kn)      kg_h = (kg + phi') ds / ds_h
-They follow from N' = -kn T - tg B (Darboux frame). With the lengths of the middle surface, strips of two layers would
-miss each other by centimetres on a dome."""
+The formulas follow from N' = -kn T - tg B (Darboux frame). With lengths of the middle surface in place of ds_h, strips
+of two layers would miss each other by centimetres on a dome."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
@@ -73,11 +73,10 @@ class StripCourse:
         return np.asarray(np.interp(s, self.s, self.left + self.right))
 
     def wrapped_station(self, s: float) -> float:
-        """Return the arc length of the same place between `begin` and `end`, by whole rounds of a closed course."""
+        """Return `s`; on a closed course, the arc length of the same place between `begin` and `end`."""
         if not self.closed:
             return s
-        length = self.end - self.begin
-        return self.begin + float(np.mod(s - self.begin, length))
+        return self.begin + float(np.mod(s - self.begin, self.end - self.begin))
 
 
 def member_course(graph: MemberGraph, member: Member, overhang: float, extra_length: float) -> StripCourse:
@@ -98,18 +97,13 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
     names = ("s", "P", "T", "N", "kg", "kn", "tg")
     rows = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     pad = (EXTENSION_STATIONS, EXTENSION_STATIONS)
-    return StripCourse(
-        **rows,
-        left=np.pad(left_edge, pad, mode="edge"),
-        right=np.pad(right_edge, pad, mode="edge"),
-        begin=begin or -before,
-        end=end if end < axis.length else axis.length + after,
-        closed=False,
-    )
+    rows |= {"left": np.pad(left_edge, pad, mode="edge"), "right": np.pad(right_edge, pad, mode="edge")}
+    end = end if end < axis.length else axis.length + after
+    return StripCourse(**rows, begin=begin or -before, end=end, closed=False)
 
 
 def turns_within_its_width(member: Member) -> Bools:
-    """Return a mask (k,) of the stations at which the axis turns about a point that is within the width, or almost."""
+    """Return a mask (k,) of the stations at which the centre of the axis's curvature is within the width, or almost."""
     return np.asarray(np.abs(member.curve.kg) * member.width / 2 >= 0.9)
 
 
@@ -178,17 +172,10 @@ def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     tangents -= np.einsum("ki,ki->k", tangents, normals)[:, None] * normals
     tangents /= np.linalg.norm(tangents, axis=1)[:, None]
-    return replace(
-        axis,
-        s=axis.s[end_index] + u,
-        P=P + u[:, None] * T + (u**2)[:, None] / 2 * bend,
-        T=tangents,
-        N=normals,
-        kg=np.full(EXTENSION_STATIONS, kg),
-        kn=np.full(EXTENSION_STATIONS, kn),
-        tg=np.full(EXTENSION_STATIONS, tg),
-        traced=np.zeros(EXTENSION_STATIONS),
-    )
+    s, P = axis.s[end_index] + u, P + u[:, None] * T + (u**2)[:, None] / 2 * bend
+    values = {"kg": kg, "kn": kn, "tg": tg, "traced": 0.0}
+    rows: dict[str, Any] = {name: np.full(EXTENSION_STATIONS, value) for name, value in values.items()}
+    return replace(axis, s=s, P=P, T=tangents, N=normals, **rows)
 
 
 CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its arc (m)

@@ -27,7 +27,7 @@ from dsfab.workshop.parts import FlatPart, strokes
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.stock import stock_cost
 
-TITLE, SMALL_TITLE = 0.06, 0.06  # height of a sheet's title (m), and for small sheets its share of their width
+TITLE, SMALL_TITLE = 0.06, 0.06  # largest height of a sheet's title (m), and over the sheet's width
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:
@@ -65,7 +65,7 @@ def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
 
 
 def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
-    """Return the drawing of all sheets of a plan in rows from left to right, each with its number above it."""
+    """Return the drawing of all sheets of a plan in rows from left to right, each sheet below its number."""
     lines, circles = list[FlatLine](), list[FlatCircle]()
     pitch = 1.15  # distance from sheet to sheet, over the size of the largest sheet
     wide = max(sheet.size[0] for sheet in plan.sheets) * pitch
@@ -131,7 +131,7 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def part_costs(plan: WorkshopPlan) -> dict[str, float]:
-    """Return the cost of each part, by name: its share, by area, of the price of its sheet; empty without prices."""
+    """Return the cost of each part, by name: its sheet's price, divided among parts by area; empty without prices."""
     if not any(s.price for s in plan.sheets):
         return {}
     areas = [sum(x.part.area for x in s.parts) for s in plan.sheets]
@@ -257,7 +257,7 @@ def write_workshop(
     plan: WorkshopPlan, folder: Path, name: str, documents: Mapping[str, bytes] = MappingProxyType({})
 ) -> Path:
     """Write the files of a plan into a folder, all of them or none; equal plans give equal bytes.
-    Files that the cut list of an earlier plan names are removed if this plan does not have them.
+    Files of an earlier plan, which the cut list in the folder names, are removed.
     documents : further files by name.
     Raises ExportError if the folder is not writable."""
     with atomic_folder(folder, _outdated_files) as partial:

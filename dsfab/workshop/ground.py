@@ -16,8 +16,7 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.workshop.development import Development, StripCourse
 from dsfab.workshop.parts import FlatPart, half_plane_clip, label
 
-STEEP_SINE = np.sin(np.radians(25.0))
-"""Sine of the least slope of a strip with a tab in the plate; a flatter strip has no tab and is glued on the plate."""
+STEEP_SINE = np.sin(np.radians(25.0))  # a strip with a smaller slope has no tab and is glued on the plate
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +77,7 @@ class BasePlane:
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
     def support_height(self, point: Floats, width: float) -> float | None:
-        """Return the height over the plate (m) of the support nearest to a strip's end (3,); None if it is far away."""
+        """Return the height over the plate (m) of the support nearest to a strip's end (3,); None if none is near."""
         distance, k = cKDTree(self.supports).query(point)
         is_near = float(distance) < self.reach + width
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
@@ -116,9 +115,8 @@ class BasePlane:
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), at_end)
 
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
-        """Return arc lengths (q,) near `station` at which lines beside the axis have a height over the plate (m), or
-        None.
-        sides : (q,) distances of these lines to the left of the axis (m)."""
+        """Return arc lengths (q,) near `station` at which lines beside the axis have a height over the plate (m).
+        sides : (q,) distances of the lines to the left of the axis (m). None if a line does not reach the height."""
         s, course = np.full(len(sides), station), layer.course
         for _ in range(20):  # these are Newton steps
             P, T, B, _ = layer.frame(s)
@@ -246,7 +244,7 @@ def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
         deep = float(np.linalg.norm(direction))
         direction = direction / deep * (1 if direction @ (middle - centre) >= 0 else -1)
         angle = float(np.arctan2(*(foot.slot[1] - foot.slot[0])[::-1]))
-        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # no name is upside down
+        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # names are never upside down
         lines += label(name, middle + (deep / 2 + 0.002 + NAME_HEIGHT / 2) * direction, angle, NAME_HEIGHT)
     return lines
 

@@ -121,16 +121,11 @@ def shortened_courses(
     joined: set[frozenset[str]],
     overhang: float,
 ) -> dict[str, StripCourse]:
-    """Return courses of one layer that stop before they run into another course.
-    A course ends `overhang` metres beyond its last node before the collision; without such a node, at the collision.
-    nodes : arc lengths of nodes on each course.    joined : pairs of members that share a node, where they are notched.
-    """
-    ends = [
-        _StripEnd.from_course(name, course, at_end)
-        for name, course in courses.items()
-        if not course.closed
-        for at_end in (False, True)
-    ]
+    """Return courses of one layer that stop before they run into another course. A course ends `overhang` metres
+    beyond its last node before the collision; without such a node, at the collision.
+    nodes : arc lengths of nodes on each course.    joined : pairs of members that are notched at a common node."""
+    open_courses = {name: course for name, course in courses.items() if not course.closed}
+    ends = [_StripEnd.from_course(name, c, at_end) for name, c in open_courses.items() for at_end in (False, True)]
     accepted, stopped = list[_StripEnd](), dict[str, StripCourse]()
     for end in ends:
         rivals = [x for x in accepted if end.is_beside(x) and frozenset((x.name, end.name)) not in joined]

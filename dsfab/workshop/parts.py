@@ -1,7 +1,7 @@
 """Flat parts with holes and openings, and the single-stroke letters that are engraved on them.
 
-A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. The outlines of an
-ordinary font would be engraved twice."""
+A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. Ordinary fonts have
+outlines, and each stroke would be engraved as two lines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -164,7 +164,7 @@ class FlatPart:
             axis=self.axis @ R + shift,
             folds=tuple(Fold(fold.line @ R + shift, fold.angle) for fold in self.folds),
         )
-        if "contours" in self.__dict__:  # to move contours is cheaper than to compute them again
+        if "contours" in self.__dict__:  # moving contours is faster than computing new contours
             part.__dict__["contours"] = tuple(x @ R + shift for x in self.contours)
         return part
 

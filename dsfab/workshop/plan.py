@@ -200,7 +200,7 @@ JOINT_SENTENCES = {
     "scarf": "which overlap by {} and are glued there on a bevel: to the right and above on the engraved "
     "face, from the engraved line to the edge, to the left and below on the back",
 }
-"""End of the sentence on the pieces of a flat sheet, by their joint."""
+"""Second half of the sentence on the pieces of a flat sheet, by their joint."""
 TAB_CLEARANCE = 1e-4  # clearance between a tab and its slot in the base plate of a model, on each side (m)
 TABS_LENGTH = 4.0  # largest length that the two tabs of a strip add to its length, over the strip's thickness
 
@@ -269,14 +269,10 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
 def _plan_for_stock(design: Design, up: Floats) -> WorkshopPlan:
     options, surface = design.preset.workshop, design.sheet.surface
     if options.route == "sheet" and not surface.is_flat:
-        raise PatternError(
-            "workshop.route = 'sheet' is for flat designs, and this one is curved; use 'strips' or 'bars'"
-        )
+        raise PatternError("workshop.route = 'sheet' is for flat designs, but this is curved; use 'strips' or 'bars'")
     flat = options.route == "sheet" or (options.route == "auto" and surface.is_flat)
     if options.splice == "fingers" and not flat:
-        raise PatternError(
-            "workshop.splice = 'fingers' is for flat sheets, and this design has members; use 'cover' or 'scarf'"
-        )
+        raise PatternError("workshop.splice = 'fingers' is for flat sheets, not for members; use 'cover' or 'scarf'")
     room = usable_sizes(options)
     graph, layering = (None, None) if flat else _graph_as_built(design)
     route = construction_route(design, graph, layering, up)
@@ -317,7 +313,7 @@ def nested_by_thickness(parts: list[FlatPart], options: Workshop) -> tuple[list[
     return [sheet for sheets in nests for sheet in sheets], notes
 
 
-MOST_FACES = 250_000  # of a cut sheet that is refined for drilling; its members take 15 s
+MOST_FACES = 250_000  # largest number of faces of a cut sheet refined for drilling; members of such a sheet take 15 s
 
 
 def drilling_members(design: Design) -> tuple[MemberGraph, float]:

@@ -126,7 +126,7 @@ def lap_marks(
 
 
 def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
-    """Return a function that tests whether a developed strip between two arc lengths fits into one of the rooms."""
+    """Return a function that tests if a developed strip between two arc lengths fits into a rectangle of `room`."""
     longest = max(np.hypot(x, y) for x, y in room) + 1e-6
 
     def fits(begin: float, end: float) -> bool:

@@ -1,4 +1,4 @@
-"""Prices of stock sheets, and hints how to save sheets."""
+"""Prices of stock sheets, and hints on saving sheets."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -78,8 +78,7 @@ def sheet_hints(
 
 
 def narrow_strip(part: FlatPart, share: float) -> FlatPart:
-    """Return a strip with its width multiplied by `share`; its middle line and its holes do not change.
-    A part that is no strip does not change at all."""
+    """Return a strip with `share` times its width, and with its middle line and holes; other parts do not change."""
     if not _is_strip(part):
         return part
     outline = part.outline

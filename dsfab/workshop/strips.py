@@ -18,8 +18,7 @@ from dsfab.workshop.splices import SCARF_SLOPE, Cuts, lap_marks, lapped_span, sp
 
 STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # kinds of members that are built as strips
 HOLE_EDGE_DISTANCE = 1.0  # least distance from the middle of a hole to the edges of its part, over the bolt diameter
-LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6
-"""Height (m) below which letters may take a larger share of a part's width, and this share."""
+LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters below this height (m) may fill this share of a part's width
 
 
 @dataclass(frozen=True)
@@ -306,8 +305,8 @@ class StripLimits:
 
 def drilling_edge(graph: MemberGraph) -> float:
     """Return the largest edge (m) of a mesh whose flat faces change usual bays by at most `HOLE_FIT`; infinite without
-    bending. Edges e change a bay L on a curvature k by up to about L (e k)^2 / 8: a dome's bays by 0.3 mm (0.3 mm by
-    this formula), a tower's by 17 mm (26 mm), beside the same cut lines on a smooth surface."""
+    bending. Edges e change a bay L with curvature k by about L (e k)^2 / 8 at most. Compared with a
+    smooth surface, bays of a dome differed by 0.3 mm (by the formula 0.3 mm), and of a tower by 17 mm (26 mm)."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
     bend = float(np.quantile(np.concatenate(bends), 0.95)) if bends else 0.0  # ignores rare peaks

@@ -150,7 +150,7 @@ def test_errors_of_python_arguments_use_the_keys_of_toml(wrong: dict[str, Any], 
         ),
         (lambda: dsfab.Statics(thickness=-1), r"^statics: thickness = -1: should be greater than 0$"),
         (lambda: preset_from({"supports": []}), "unknown key supports"),
-        (lambda: preset(3), "a int is no mesh that dsfab knows"),
+        (lambda: preset(3), "a int is not a mesh"),
         (lambda: preset((HYPAR.V * np.nan, HYPAR.F)), "vertices are not finite"),
         (lambda: dsfab.run(preset("nowhere.obj")), "nowhere.obj does not exist; check the path"),
         (

@@ -121,7 +121,7 @@ def test_faces_are_turned_the_same_way_and_a_surface_is_itself() -> None:
         ({"vertices": [["a", "b", "c"]], "faces": [[0, 0, 0]]}, "the mesh needs"),
         ({"vertices": V * np.nan, "faces": TRIANGLES}, "not finite"),
         ({"vertices": V, "faces": [[0, 1, 2], [0, 1, 3], [0, 1, 4]]}, "edge"),
-        ({}, "is no mesh that dsfab knows"),
+        ({}, "is not a mesh"),
     ],
 )
 def test_an_object_that_is_no_surface_is_refused_in_one_sentence(mesh: dict, says: str) -> None:

@@ -170,7 +170,7 @@ def test_strips_and_planks_are_scarfed_by_eight_thicknesses():
 def test_fingers_are_for_flat_sheets():
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
     asked = Design.from_preset(with_overrides(vault.preset, {"workshop.splice": "fingers"}), vault).until("slicing")
-    with pytest.raises(PatternError, match="'fingers' is for flat sheets, and this design has members"):
+    with pytest.raises(PatternError, match="'fingers' is for flat sheets, not for members"):
         workshop_plan(asked)
     asked = Design.from_preset(with_overrides(vault.preset, {"workshop.splice": "scarf"}), vault).until("slicing")
     assert any("40 mm and are" in note or "bevelled 1 to 8" in note for note in workshop_plan(asked).notes)

@@ -8,16 +8,14 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, le
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 RAGGED_TURN = float(np.radians(35))
-"""Turn of the border, measured in the surface, above which the border may be ragged; radians. A finely divided border
-turns less at each vertex, except at intended corners."""
+"""Least turn of a ragged border at a vertex, in radians, measured in the surface. A finely divided border turns less,
+except at intended corners."""
 LEAST_TURNS = 12
-"""Least number of alternating turns in a row for a ragged border; a row of fewer turns may be intended. A door in a
-wall has four corners, and an opening in a 5 m roof may have fifteen edges; straightening such an opening made a STEP
-file fail."""
-LARGEST_GAP = 3  # Largest number of edges from one turn to the next; intended teeth are longer.
+"""Least number of successive alternating turns in a ragged border. Fewer turns may be intended: a door has four
+corners, and an opening in a 5 m roof may have fifteen edges. Straightening such an opening made a STEP file fail."""
+LARGEST_GAP = 3  # Largest number of edges between two turns of a ragged border; intended teeth are longer.
 FLAT = float(np.radians(150))
-"""Radians. The repair removes a face with a wider corner at the border, because straightening has flattened the
-face."""
+"""Largest angle of a face on a straightened border, in radians. Faces with larger angles are removed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +29,9 @@ class EvenEdges:
 
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
-    """Return the mesh V (n, 3), F (m, 3) with straightened borders; unchanged if an edge has more than two faces.
-    A border is ragged if it turns left and right alternately by over `RAGGED_TURN`, at least `LEAST_TURNS` times. At
-    most `LARGEST_GAP` edges lead from turn to turn. A border stays if a straight line needs moves over a mean edge."""
+    """Return the mesh V (n, 3), F (m, 3) with straightened borders; unchanged if an edge has more than two faces. A
+    ragged border turns left and right alternately by over `RAGGED_TURN`. It has at least `LEAST_TURNS` such turns, with
+    at most `LARGEST_GAP` edges between them. A border stays if a vertex would move by over a mean edge."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -46,7 +44,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
             better = _smoothed_line(V[line], closed)
             moves = lengths(better - V[line])
             step = lengths(np.diff(V[line], axis=0)).mean()
-            # intended shapes need larger moves: teeth deeper than an edge, points of a coarse star
+            # larger moves would destroy intended shapes, such as deep teeth or the points of a star
             if moves.max() > min(step, 0.04 * largest):
                 continue
             changed = _with_line(V, F, line, better)
@@ -65,8 +63,7 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Return the indices (k,) of each ragged part of a closed line with turns (j,), and whether it is the whole
-    line."""
+    """Return the indices (k,) of each ragged part of a loop with turns (j,), and whether the part is the whole loop."""
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:
         return []
@@ -117,11 +114,8 @@ def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
 
 
 def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
-    """Return the corners (k - 2, 3) of triangles that fill the outline P (k, 3) with the least area; None if
-    impossible.
-
+    """Return triangles (k - 2, 3) that fill the outline P (k, 3) with the least area, as corners of P; or None.
     joined : (k, k) pairs of points that already have an edge in the mesh, which a triangle must not create again.
-
     The corners of each triangle follow the direction of the outline."""
     k = len(P)
     if k == 3:

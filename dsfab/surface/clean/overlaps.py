@@ -26,8 +26,8 @@ from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_compo
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Return which pairs (p,) of coincident vertices (p, 2) are places where sheets of faces F (m, 3) cross. Both
-    vertices are inside their sheets, or at an end of the crossing on the borders of both sheets."""
+    """Return which pairs (p,) of coincident vertices, (p, 2), lie where two sheets of faces F (m, 3) cross. Both
+    vertices of such a pair are inside their sheets. At an end of the crossing, both may be on borders."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -43,8 +43,8 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Return the vertices (n,) of faces that are equal to another face if each vertex is replaced by `became` (n,), or
-    of quads that are also divided by their other diagonals."""
+    """Return the vertices (n,) of faces that coincide if each vertex k becomes vertex `became[k]`, (n,). The two
+    divisions of a quad by its two diagonals also coincide."""
     faces = became[F]
     _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
@@ -57,7 +57,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Return the other pairs (p,) that a crossing pair reaches along one edge (e, 2) of each sheet."""
+    """Return the pairs (p,) at the ends of crossings: one edge (e, 2) away from a crossing pair on both sheets."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -78,25 +78,25 @@ SAMPLES = np.array(
     [[0.36, 0.33, 0.31], [0.8, 0.11, 0.09], [0.1, 0.79, 0.11], [0.09, 0.12, 0.79]]
     + [[0.48, 0.43, 0.09], [0.1, 0.47, 0.43], [0.44, 0.08, 0.48]]
 )
-"""Barycentric weights (7, 3) of places in a face: near its middle, its corners 0 to 2, and its edges 0-1, 1-2 and 2-0.
-They are uneven, so that no edge between the halves of a square or between its quarters passes through them."""
+"""Barycentric weights (7, 3) of samples in a face: near its middle, its corners 0 to 2, and its sides 0-1, 1-2 and 2-0.
+The weights are uneven, so that no sample lies on an edge that halves or quarters a square."""
 
 
 @dataclass(frozen=True, eq=False)
 class OverlappingFaces:
-    """Faces that lie on other faces: `whole` (k,) on the remaining faces; `part` (l,) only partly on faces."""
+    """Faces that lie on other faces: `whole` (k,) with their entire area, `part` (l,) with a part of their area."""
 
     whole: Ints
     part: Ints
 
 
 def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
-    """Return the faces of the mesh V (n, 3), F (m, 3) that lie on other faces in one plane, however these are divided.
+    """Return the faces of the mesh V (n, 3), F (m, 3) that lie on other faces in the same plane.
 
-    In one plane means within `WELD` times the largest side. The two pairs of triangles of one quad need not be in one
-    plane, if the quad is as flat as `SAG`. The remaining faces are chosen along common edges, so that they are of one
-    sheet. An overlap counts if it contains one of the seven `SAMPLES` of a face. Method: rays along the normals, with a
-    tree of boxes [Jacobson et al. 2018, libigl]."""
+    Planes are the same within `WELD` times the largest side of the mesh. The two divisions of a quad by its two
+    diagonals also overlap if the quad is flat within `SAG`. The faces that remain are joined along edges, so that they
+    form one sheet. An overlap counts if it contains one of the seven `SAMPLES` of a face. Method: rays along the
+    normals, with a tree of boxes [Jacobson et al. 2018, libigl]."""
     edges = edge_table(F)
     rim, side = np.nonzero(edges.boundary[edges.of])
     m, (low, high) = len(F), bounding_box(V, F)
@@ -121,15 +121,15 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
 
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
-    """Return rows (k, 3): a face, one of its samples, and another face in one plane that covers the sample.
+    """Return rows (k, 3): a face, one of its samples, and another face in the same plane that covers the sample.
     tree : boxes of the mesh V (n, 3), of size 1, F (m, 3).    faces, samples : (r,) faces, and indices of `SAMPLES`."""
     P = V[F]
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
     starts = np.einsum("kc,kci->ki", SAMPLES[samples], P[faces]) - reach[:, None] * normal[faces]
-    # libigl misses faces whose area times the length of the ray is below 5e-7; smaller faces than WELD**2 are welded
+    # libigl misses faces whose area times the ray's length is below 5e-7, so the rays are very long
     rays = tree.intersect_ray(V, F, starts, normal[faces] / WELD**2)
-    # each ray meets its own face
+    # every ray hits the face from which it starts
     hits = np.array([(k, *hit[:2]) for k, ray in enumerate(rays) if len(ray) > 1 for hit in ray]).reshape(-1, 3)
     row, cover = hits[:, :2].astype(np.int64).T
     distance = np.abs(hits[:, 2] / WELD**2 - reach[row])
@@ -145,7 +145,7 @@ def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> I
 
 
 def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
-    """Return which pairs (p,) of faces have an edge in common, and F (m, 3) has also two faces on their other ends."""
+    """Return which pairs (p,) of faces belong to one quad that faces of F (m, 3) divide by both diagonals."""
     is_equal = F[face][:, :, None] == F[cover][:, None, :]
     is_shared, is_shared_there = is_equal.any(axis=2), is_equal.any(axis=1)
     result: Bools = (is_shared.sum(axis=1) == 2) & (is_shared_there.sum(axis=1) == 2)
@@ -160,8 +160,8 @@ def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
 
 
 def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
-    """Return faces (m,) of which none covers another: all other faces, then what continues them along edges. The face
-    with the shortest longest edge comes first, so that the order of the faces does not matter."""
+    """Select faces (m,) of which none covers another: faces without overlap, then neighbours among overlapping faces.
+    Faces with shorter edges come first, so that the order of the faces does not matter."""
     overlaps, chosen = dict[int, set[int]](), list[int]()
     for face, cover in np.stack(np.divmod(distinct(covers[:, 0] * len(F) + covers[:, 2]), len(F)), axis=1).tolist():
         overlaps.setdefault(face, set()).add(cover)
@@ -186,8 +186,8 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Return which faces (k,) cannot be removed: without the faces joined to them, a remaining face would get a new
-    free edge, as at a fold. On that edge only one face remains, and it does not cover them."""
+    """Return which of the faces (k,) must stay, because a remaining face that does not cover them would get a free
+    edge. Faces with a common edge stay or go together."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
     remaining[edges.of[remaining_faces]] = remaining_faces[:, None]
@@ -201,17 +201,16 @@ def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
 
 
 def _is_covered(covers: Ints, by: Bools) -> Bools:
-    """Return the faces (m,) of which the faces `by` (m,) cover all samples."""
+    """Return the faces (m,) whose samples are all covered by faces marked in `by` (m,)."""
     face, sample, _ = covers[by[covers[:, 2]]].T
-    return np.asarray(
-        np.bincount(distinct(face * len(SAMPLES) + sample) // len(SAMPLES), minlength=len(by)) == len(SAMPLES)
-    )
+    covered_samples = np.bincount(distinct(face * len(SAMPLES) + sample) // len(SAMPLES), minlength=len(by))
+    return np.asarray(covered_samples == len(SAMPLES))
 
 
-COPY_GAP = 1 / 500  # A second sheet is a copy up to this distance divided by the square root of the sheet's area.
-PARALLEL_GAP = 0.08  # Sheets count as parallel, or as a slab, up to this distance divided by the same root.
+COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, over the square root of the sheet's area.
+PARALLEL_GAP = 0.08  # Largest distance between parallel sheets or faces of a slab, over the square root of their area.
 LEAST_AREA_RATIO = 0.8  # Least ratio of the areas of the two faces of a slab, or of two parallel sheets.
-IGNORED_SHARE = 0.1  # The least and the largest distances, each on this share of the area, do not count: slab sides.
+IGNORED_SHARE = 0.1  # Share of the area with the smallest and the largest distances, which belong to sides of a slab.
 
 _REMARKS = {
     "copy": "the surface has a second sheet {} from the first, probably a copy; delete one of them, or set "
@@ -230,12 +229,13 @@ _REPAIRS = {
 @dataclass(frozen=True, eq=False)
 class ParallelParts:
     """Two parallel parts of a mesh.
-    keep, other : (k,), (l,) their faces. Of a slab the smaller part comes first, because sides at a small angle may
-                  belong to the larger part; otherwise the first part in the file comes first.
-    gap         : the median distance between the parts, in the mesh's unit.
-    kind        : copy, a sheet twice at one place; slab, the two faces of a solid; apart, two sheets.
-    piece       : (p,) all faces of the slab; empty for other kinds.
-    way         : (3,) translation from the first to the second part of an extruded slab; else empty, (0,)."""
+    keep  : (k,) faces of the part that stays: of a slab the smaller part, because the larger may include narrow sides;
+            else the first part in the file.
+    other : (l,) faces of the other part.
+    gap   : median distance between the parts, in the mesh's unit.
+    kind  : "copy", a sheet twice at one place; "slab", the two faces of a solid; "apart", two separate sheets.
+    piece : (p,) all faces of the slab; empty for other kinds.
+    way   : (3,) translation from `keep` to `other` in an extruded slab; else empty, (0,)."""
 
     keep: Ints
     other: Ints
@@ -275,7 +275,7 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         piece_faces, faces = np.flatnonzero(piece == p), np.flatnonzero((piece == p) & paired)
         names, which = np.unique(part[faces], return_inverse=True)
         count = len(names)
-        if count > 2:  # a slab with folded faces has more than two parts
+        if count > 2:  # folds divide the faces of a slab into further parts
             count, which = pieces(F[faces], edge_table(F[faces]))
         # the two faces of a slab have most of its area
         if count != 2 or edge_table(F[piece_faces]).boundary.any() or area[faces].sum() < 0.7 * area[piece_faces].sum():
@@ -287,24 +287,19 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if area[first_part].sum() < LEAST_AREA_RATIO * side**2:
             continue
         translation = _translation(V, F[first_part], F[second_part], side)
-        gap = (
-            float(np.linalg.norm(translation))
-            if len(translation)
-            else _gap(V, F[first_part], F[second_part], side, even=True)
-        )
+        gap = float(np.linalg.norm(translation)) or _gap(V, F[first_part], F[second_part], side, even=True)
         if gap is not None:
             if len(translation):
                 to = V[F[first_part]].mean(axis=1) + translation
-                # after the translation, faces of the slab's sides miss the second part by a third of the gap or more
+                # drop faces of the slab's sides: after the translation they are far from the second part
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]
             yield ParallelParts(first_part, second_part, gap, "slab", piece_faces, translation)
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if none does.
-    At its steep faces, an extruded slab is thinner than its translation, for example 20 mm for 100 mm at the foot of a
-    half barrel. The method is the registration of scans [Chen and Medioni 1992]: each round removes the remaining
-    distance along the normals of the faces."""
+    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if none does. An
+    extruded slab is thinner where it is steep, so its thickness is not the translation. Method: registration of scans
+    [Chen and Medioni 1992]. Each round removes the remaining distance along the normals of the faces."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -329,7 +324,7 @@ def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) ->
 
 
 def _parts(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
-    """Return the part (m,) of each face. A common edge joins two faces unless they fold there by 60 degrees."""
+    """Return the part (m,) of each face: a common edge joins two faces unless they fold there by 60 degrees or more."""
     pair = edges.pairs
     ends = V[edges.ends[edges.count == 2]]
     along = ends[:, 1] - ends[:, 0]
@@ -355,21 +350,20 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance between two parts, faces (k, 3) and (l, 3), if they cover each other, else None.
-    even : require a nearly constant distance."""
+    """Return the median distance between two parts, faces (k, 3) and (l, 3); None if they are not parallel.
+    even : true to require a nearly constant distance."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, largest = weighted_quantiles(gaps, area, (IGNORED_SHARE, 0.5, 1 - IGNORED_SHARE))
-    uneven = 2.5  # largest ratio of distances; a cushion exceeds it, because its sheets meet at the border
+    uneven = 2.5  # largest ratio of distances in a slab; a cushion, whose sheets meet at the border, has a larger ratio
     if largest > PARALLEL_GAP * side or (even and not (largest <= uneven * middle and middle <= uneven * least)):
         return None
     return None if middle <= COPY_GAP * side < largest else float(middle)
 
 
 def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
-    """Yield a sentence about each pair of parallel sheets of a mesh V (n, 3), metres, F (m, 3), and on other faces that
-    lie on faces."""
+    """Yield a sentence for each pair of parallel sheets of V (n, 3), metres, F (m, 3), then for overlapping faces."""
     pairs = parallel_parts(V, F)
     for pair in pairs:
         yield _REMARKS[pair.kind].format(length(pair.gap))
@@ -378,8 +372,8 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 
 def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
-    """Yield sentences on the faces of a mesh V (n, 3), F (m, 3) that lie on others; `reported` (k,) are left out. The
-    mesh is first welded, as in its repair."""
+    """Yield sentences on overlapping faces of a mesh V (n, 3), F (m, 3), without the faces `reported` (k,). The
+    vertices are first merged as in the repair of the mesh."""
     sound = np.flatnonzero(in_reach(V)[F].all(axis=1))
     used, near = np.unique(F[sound], return_inverse=True)
     V, became = merged_vertices(V[used], WELD, partial(crossing_pairs, near.reshape(-1, 3)))
@@ -400,10 +394,8 @@ def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
 
 def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tuple[str, ...]]:
     """Return the mesh V (n, 3), F (m, 3) with one sheet in place of copies and slabs, and a short text for each repair.
-
-    metres : length of the mesh's unit in metres, for the texts.
-
-    The first of two copies stays. Of a slab, only one of its two faces stays, and moves halfway to the second."""
+    The first of two copies stays. Of a slab, one face stays and moves halfway to the other face.
+    metres : length of the mesh's unit in metres, for the texts."""
     doubled = [pair for pair in parallel_parts(V, F) if pair.kind != "apart"]
     stays: Bools = np.ones(len(F), dtype=bool)
     V = V.copy() if doubled else V

@@ -49,16 +49,13 @@ class MendedMesh:
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
-        """Return the mesh with only the faces `keep` (k,); the repair's text describes the others by `which`."""
+        """Return the mesh with only the faces `keep` (k,); its repair text describes the dropped faces by `which`."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
         doubt = _DOUBT if which == _NO_AREA and lost > 0.2 * len(self.F) else ""
         words = f"{count_phrase(lost, 'face')} {which} dropped{doubt}"
         return replace(self, F=self.F[keep], repairs=(*self.repairs, words))
-
-
-Fault = tuple[Callable[[Floats, Ints], Ints], str]  # Function that returns faces without the fault; name of the fault.
 
 
 def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
@@ -69,10 +66,11 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     Vertices nearer than `WELD` times the largest side become one vertex, except where sheets cross. The repair removes
     faces without area, repeated faces, the third and further faces on an edge, and pieces below `CRUMB` of the area. It
     closes pinholes with outlines below `PINHOLE`. It stitches seams between patches with different divisions, and joins
-    parts that touch in a point (`dsfab.surface.clean.seams`). It drops copies of sheets, and reduces a slab to its
-    middle surface (`dsfab.surface.clean.overlaps`). It straightens ragged borders (`dsfab.surface.clean.borders`)."""
+    parts that touch in a point (`seams`). It drops copies of sheets, and reduces a slab to its middle surface
+    (`overlaps`). It straightens ragged borders (`borders`)."""
     mesh = single_sheet(sound_faces(V, F), metres)
-    mesh = _without(stitched_mesh(_without(mesh, _TOO_MANY)), _TOO_SMALL)
+    mesh = stitched_mesh(_without(mesh, _on_edges_of_two, "on edges that already have two faces (a rib?)"))
+    mesh = _without(mesh, _in_large_pieces, "in tiny loose pieces")
     mesh = _join_at_points(mesh) if len(mesh.F) else mesh
     return _compact(_without_teeth(_without_pinholes(mesh), metres) if len(mesh.F) else mesh)
 
@@ -83,7 +81,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are not numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
-    mesh = _without(_weld(_compact(mesh)), _UNSOUND)
+    mesh = _without(_weld(_compact(mesh)), faces_with_area, _NO_AREA)
     if not len(mesh.F):
         return mesh
     once = _single_faces(mesh.V, mesh.F)
@@ -97,11 +95,8 @@ def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
 
-def _without(mesh: MendedMesh, faults: tuple[Fault, ...]) -> MendedMesh:
-    for faces, which in faults:
-        if len(mesh.F):
-            mesh = mesh.with_faces(faces(mesh.V, mesh.F), which)
-    return mesh
+def _without(mesh: MendedMesh, sound: Callable[[Floats, Ints], Ints], which: str) -> MendedMesh:
+    return mesh.with_faces(sound(mesh.V, mesh.F), which) if len(mesh.F) else mesh
 
 
 def _compact(mesh: MendedMesh) -> MendedMesh:
@@ -136,9 +131,8 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Return the faces (k,), without those that lie on the remaining faces.
-    Both copies of a face are removed if two further faces continue at one of its edges. Such copies lie flat between
-    their neighbours, for example in the corners of a cushion sewn from two sheets."""
+    """Return one face of each set of overlapping faces, and all other faces, (k,). Both copies of a face go if the
+    sheet continues without them at one of its edges. The sewn corners of a cushion have such copies."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -161,11 +155,6 @@ def _in_large_pieces(V: Floats, F: Ints) -> Ints:
     count, piece = pieces(F, edge_table(F))
     area = lengths(area_vectors(V, F))
     return np.flatnonzero(np.bincount(piece, area, minlength=count)[piece] >= CRUMB * area.sum())
-
-
-_UNSOUND: tuple[Fault, ...] = ((faces_with_area, _NO_AREA),)
-_TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges that already have two faces (a rib?)"),)
-_TOO_SMALL: tuple[Fault, ...] = ((_in_large_pieces, "in tiny loose pieces"),)
 
 
 def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
@@ -195,27 +184,24 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
 HOLE = 0.15  # The repair fills a hole whose outline is shorter than this share of the mesh's largest side.
 SPECK = 0.05  # The repair of a scan drops pieces below this share of the largest piece's area.
 FINE, SEVERAL = 0.01, 3
-"""A mesh counts as a scan if its mean edge is below the first value, as a share of its largest side, and if it has the
-second number of small holes, or of edges with more than two faces."""
+"""A mesh is a scan if its mean edge is below `FINE` times its largest side, and it has faults. The faults are `SEVERAL`
+small holes, or `SEVERAL` edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""A mesh also counts as a scan if its mean edge is below the first share of its largest side and its share of folded
-faces is above the second value. Sample meshes of designs had 0.02 % of folded faces at most. A mesh with noise of 2 mm
-on edges of 70 mm had 0.3 %."""
+"""A mesh is also a scan if its mean edge is below `NOISY` times its largest side and its share of folded faces is above
+`FOLDED`. Meshes of designs had 0.02 % folded faces at most; a mesh with 2 mm noise on 70 mm edges had 0.3 %."""
 TILTED, LOW = 0.7, 0.5
-"""Noise has tilted a face if its height is below the second value, as a share of the mean edge, and if the cosine
-between its normal and the normals around it is below the first value (45 degrees). Noise tilts low faces most; real
-bends also tilt high faces."""
+"""Noise has tilted a face if the cosine between its normal and the normals around it is below `TILTED` (45 degrees).
+The height of such a face must also be below `LOW` mean edges, because real bends tilt higher faces, too."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
-    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: it has folded faces, or it is fine and has small holes or
-    edges of more than two faces."""
+    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan, by the limits `FINE`, `SEVERAL`, `NOISY` and `FOLDED`."""
     F = F[in_reach(V)[F].all(axis=1)]
     if not len(F):
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
     if (edges.count > 2).sum() >= SEVERAL:
-        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # a copy of a sheet is no scan
+        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # copies of sheets are no sign of a scan
         edges = edge_table(F)
     mean = float(lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]]).mean())
     if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded_faces(V, F).mean() > FOLDED:
@@ -232,10 +218,10 @@ def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
     metres : length of V's unit in metres, for the texts.
 
-    This function repairs more than `mended_mesh`. At an edge with three or more faces, the two faces with the smoothest
-    continuation stay joined, and all further faces get separate vertices. Parts that touch in a point are separated.
-    Faces get a common orientation. Pieces below `SPECK` of the largest are removed. Holes with outlines below `HOLE`
-    are filled. The shortest edges of faces that noise has folded over are collapsed."""
+    This function repairs more than `mended_mesh`. At an edge with three or more faces, the two faces that continue each
+    other most smoothly stay joined. All further faces get separate vertices there. Parts that touch in a point are
+    separated. Faces get a common orientation. Pieces below `SPECK` of the largest are removed. Holes with outlines
+    below `HOLE` are filled. The shortest edges of faces that noise has folded over are collapsed."""
     mesh = single_sheet(sound_faces(V, F), metres)
     for step in (stitched_mesh, _split_junctions, _orient_faces, _without_specks, _fill_holes, _flatten_folds):
         mesh = step(mesh) if len(mesh.F) else mesh
@@ -268,7 +254,7 @@ def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
         away /= np.maximum(lengths(away), 1e-300)[:, None]
         cosine = away @ away.T
         np.fill_diagonal(cosine, np.inf)
-        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the smoothest pair points in opposite directions
+        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the pair with the most opposite directions
         smoothest_pairs.append((h[i], h[j]))
     return np.array(smoothest_pairs, dtype=np.int64).reshape(-1, 2)
 
@@ -288,10 +274,9 @@ def _without_specks(mesh: MendedMesh) -> MendedMesh:
     small: Bools = area < SPECK * area.max()
     if not small.any():
         return mesh
-    used, F = np.unique(mesh.F[~small[piece]], return_inverse=True)
     share = area[small].sum() / area.sum()
     what = f"{count_phrase(int(small.sum()), 'small piece')} dropped, {share:.2g} of the area"
-    return MendedMesh(mesh.V[used], F.reshape(-1, 3), (*mesh.repairs, what))
+    return _compact(replace(mesh, F=mesh.F[~small[piece]], repairs=(*mesh.repairs, what)))
 
 
 def _fill_holes(mesh: MendedMesh) -> MendedMesh:
@@ -312,7 +297,7 @@ def _fill_holes(mesh: MendedMesh) -> MendedMesh:
 
 
 def _folded_faces(V: Floats, F: Ints) -> Bools:
-    """Return the faces (m,) whose normals point against the mean of their neighbours' normals; a crease is no fold."""
+    """Return the faces (m,) whose normals point against the mean normal of their neighbours."""
     return _cosines(V, F) < 0
 
 
@@ -347,9 +332,9 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
-    """Collapse the shortest edges of crumpled faces (m,). Return the vertices (n, 3), and the vertex (n,) that replaces
-    each. An edge becomes its middle, or its end on the boundary. Edges that would join two boundaries or change the
-    topology stay."""
+    """Collapse the shortest edges of crumpled faces (m,). Return the vertices (n, 3), and for each its new index (n,).
+    An edge becomes its midpoint, or its end on the boundary. An edge stays if its collapse would join two boundaries or
+    change the topology."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

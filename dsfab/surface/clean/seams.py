@@ -24,7 +24,7 @@ ASTRAY_RATIO = 1000.0  # A vertex is astray if it is this many times as far from
 
 
 def in_reach(V: Floats) -> Bools:
-    """Return the vertices of V (n, 3) that have finite coordinates and are not astray, see `ASTRAY_RATIO`."""
+    """Return the vertices (n,) of V (n, 3) that have finite coordinates and are not astray, see `ASTRAY_RATIO`."""
     is_near: Bools = np.asarray(np.isfinite(V).all(axis=1))
     if not is_near.any():
         return is_near
@@ -38,15 +38,13 @@ def in_reach(V: Floats) -> Bools:
 def merged_vertices(
     V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None
 ) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) at one place; return the remaining vertices, and for each old one its index (n,) there.
+    """Merge vertices V (n, 3) at one place. Return the remaining vertices, and each old vertex's index (n,) there.
 
-    within : share of the mesh's largest side up to which vertices are at one place; no vertex moves farther. The
-             default suits `trimesh.slice_plane`, which computes the end of a cut for each face, with different last
-             digits.
+    within : largest distance between vertices at one place, over the mesh's largest side; no vertex moves farther. The
+             default suits `trimesh.slice_plane`, whose cuts give a vertex slightly different coordinates in each face.
     apart  : function that marks (p,) which pairs of vertices (p, 2) must stay separate.
 
-    For mesh files, dsfab merges only equal coordinates (`dsfab.surface.files.mesh_files`), because files repeat a place
-    with equal digits."""
+    For mesh files `equal_merged` suffices, because files repeat a place with equal digits."""
     alone = V, np.arange(len(V))
     if not len(V) or not np.isfinite(V).all():  # `Surface` reports infinite coordinates
         return alone
@@ -64,9 +62,8 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the target (n,) of each vertex: the first vertex of its group, unless this is farther away than `reach`.
-    A group may be a long chain of near vertices. Without the limit, a finely divided outline would shrink to a point.
-    In a chain, the target of a vertex is the first remaining vertex within reach."""
+    """Return the target (n,) of each vertex: the first vertex of its group within `reach`, else the vertex itself. A
+    group may be a chain of near vertices. Without this limit, a finely divided outline would shrink to a point."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -80,7 +77,7 @@ def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints
 
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) of faces F (m, 3) with equal coordinates, and sort them by place; -0.0 equals 0.0."""
+    """Merge vertices V (n, 3) of faces F (m, 3) with equal coordinates, and sort the vertices; -0.0 equals 0.0."""
     fewer, became = np.unique(V + 0.0, axis=0, return_inverse=True)
     return fewer, became.ravel()[F]
 
@@ -91,16 +88,14 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest width of a seam between two patches with common ends, as a share of the edge beside it: the distance of an
-arc of 30 degrees from its chord. Patches along seams narrower than `within` need no common vertex."""
+"""Largest width of a seam between two patches with common ends, over the length of the edge beside it. An arc of
+30 degrees is this high over its chord. Seams narrower than `within` need no common ends."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
-    """Stitch open seams of faces F (m, 3): divide the faces along a seam into fans. Return the faces, and the number of
-    joined vertices.
-
-    within : a vertex nearer than this to an edge lies on the edge; in the unit of V. The faces stay unchanged if
-             stitching would create edges of more than two faces."""
+    """Stitch open seams of faces F (m, 3): divide the faces along a seam into fans.
+    Return the faces and the number of joined vertices. The faces stay unchanged if an edge would get over two faces.
+    within : largest distance between an edge and a vertex on the edge, in the unit of V."""
     faces, joined = F, 0
     for _ in range(4):  # a face has up to three edges at a seam, and each round stitches one of them
         half, vertex = _open_seams(V, faces, edge_table(faces), within)
@@ -112,7 +107,7 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
 
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
-    """Return half-edges (k,) on the boundary, at most one per face, and on each a vertex (k,) of another face."""
+    """Return pairs of a boundary half-edge (k,), one per face at most, and a vertex (k,) of another face on it."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
     edge, vertex = _near_vertices(V, ends, within)
@@ -134,9 +129,9 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 
 def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
-    """Return boundary edges (k,), as indices into `ends` (b, 2), and for each a boundary vertex (k,) near its inner
-    part. Near means within the share `SAG` of the edge's length. If all boundaries are closed loops, there are no
-    seams, and near means within `within`."""
+    """Return pairs of a boundary edge (k,), as index into `ends` (b, 2), and a boundary vertex (k,) beside the edge.
+    The vertex is nearer than `SAG` times the edge's length. If all boundaries are closed loops, there are no such
+    seams, and the vertex is nearer than `within`."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -144,7 +139,7 @@ def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     tree, edge, start, size = cKDTree(V[border]), np.arange(len(ends)), np.zeros(len(ends)), 1.0
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     while len(edge):
-        # a long edge near many vertices is divided in four, because halving takes 1.2 times as long
+        # divide long edges near many vertices in four; halving would take 1.2 times as long
         middle = a[edge] + (start + size / 2)[:, None] * (b - a)[edge]
         radius = size / 2 * long[edge] + reach[edge]
         crowded, k, border_index = _few_within(tree, middle, radius)
@@ -161,9 +156,9 @@ def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
-    """Find the points of a tree in balls around places (b, 3). Return the balls (b,) with more than `crowd` points. For
-    all smaller balls, return pairs of a ball (k,) and a point (k,). Counting would visit all points of a large ball."""
-    # the tree excludes points at exactly its upper bound
+    """Return which balls (b,) around places (b, 3) contain more than `crowd` points of a tree. For all other balls,
+    return pairs of a ball (k,) and a point (k,). Counting all points in large balls would be slow."""
+    # the search excludes points exactly at its bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
     crowded: Bools = inside[:, crowd]
@@ -183,8 +178,8 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """Return whether (k,) a boundary edge and a vertex are on two different strands with the same ends. A strand is a
-    part of the boundary, edges (b, 2). Its ends are vertices at which the number of boundary edges is not two."""
+    """Return whether (k,) a boundary edge and a vertex are on the two sides of one seam. The sides are two chains of
+    boundary edges (b, 2) with the same ends. Chains end where a vertex has more than two boundary edges."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -202,9 +197,8 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """Return the faces (m', 3) with vertices (k,) inserted on half-edges (k,), as fans around the opposite corners.
-    At most one half-edge of a face gets vertices. The first triangle of a fan replaces the face; the rest is at the
-    end."""
+    """Return the faces (m', 3) with vertices (k,) inserted on half-edges (k,), as fans around the opposite corners. A
+    face may have vertices on one half-edge only. The first triangle of a fan replaces the face; the rest comes last."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -217,16 +211,15 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
 
 
 def faces_with_area(V: Floats, F: Ints) -> Ints:
-    """Return the faces (k,) of V (n, 3), F (m, 3) with an area, compared with the square of their longest edges."""
+    """Return the faces (k,) of V (n, 3), F (m, 3) whose area is not negligible against their longest edge squared."""
     P = V[F]
     longest = lengths(P - np.roll(P, 1, axis=1)).max(axis=1, initial=0)
     return np.flatnonzero(lengths(area_vectors(V, F)) > 1e-9 * longest**2)
 
 
 def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
-    """Close the narrowest gap at each vertex in which two parts touch, for example two openings with a common corner.
-    A new face of F (m, 3) fills the gap. Returns the faces and the number of new faces. The faces stay unchanged if an
-    edge would get more than two faces."""
+    """Join parts of V (n, 3), F (m, 3) that touch in a vertex, by a new face in the narrowest gap at the vertex. Return
+    the faces and the number of new faces. The faces stay unchanged if an edge would get more than two faces."""
     edges = edge_table(F)
     points = pinches(F, edges, len(V))
     if not len(points):
@@ -238,7 +231,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
     fan = np.concatenate([fans.ravel()[alone], fans.ravel()[onward]])
     candidates = [_gusset(V, int(v), away[corner_vertex == v], fan[corner_vertex == v]) for v in points]
     gussets = np.array([face for face in candidates if face is not None], dtype=np.int64).reshape(-1, 3)
-    gussets = gussets[faces_with_area(V, gussets)]  # a gap between two edges at one place needs no face
+    gussets = gussets[faces_with_area(V, gussets)]  # a gap without width needs no face
     _, first_faces = np.unique(np.sort(gussets, axis=1), axis=0, return_index=True)
     faces = np.concatenate([F, gussets[np.sort(first_faces)]])
     crowded = (edge_table(faces).count > 2).sum() > (edges.count > 2).sum()
@@ -246,12 +239,11 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """Return the face that fills the smallest angle at a vertex between two boundary edges of different fans, if any.
-    away : (k,) second ends of the boundary edges.    fan : (k,) the fan of each edge. None for angles over 150 degrees.
-    """
+    """Return the face in the smallest angle at a vertex between boundary edges of two fans; None over 150 degrees.
+    away : (k,) second ends of the boundary edges.    fan : (k,) the fan of each edge."""
     along = V[away] - V[v]
     along /= lengths(along)[:, None]
-    if not len(away):  # two closed parts touch
+    if not len(away):  # closed parts have no boundary edges
         return None
     cosine = np.where((fan[:, None] == fan) | (away[:, None] == away), -np.inf, along @ along.T)
     i, j = np.unravel_index(int(cosine.argmax()), cosine.shape)

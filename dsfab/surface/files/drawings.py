@@ -39,7 +39,7 @@ SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURF
 """DXF entities that only AutoCAD can read, because their shapes are in AutoCAD's own format."""
 CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "HELIX", "XLINE", "RAY")
 FLAT = ("SOLID", "TRACE", "IMAGE", "UNDERLAY", "WIPEOUT", "ACAD_PROXY_ENTITY", "OLE2FRAME")
-"""DXF entities with areas that are no meshes; the user may miss them."""
+"""DXF entities that show areas without a mesh; dsfab tells the user that it dropped these."""
 
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
@@ -75,9 +75,8 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
             sizes.append(mesh.sizes[::-1] if mirrored else mesh.sizes)
             count += len(mesh.V)
             budget.require_vertices(count)
-    on_paper = sum(
-        entity.dxftype() != "VIEWPORT" for page in document.layouts if not page.is_modelspace for entity in page
-    )
+    pages = (page for page in document.layouts if not page.is_modelspace)
+    on_paper = sum(entity.dxftype() != "VIEWPORT" for page in pages for entity in page)
     inventory = contents(drawing.counts + Counter({Content("object", "beside", "in paper space"): on_paper}))
     if not V:
         solids = sum(thing.count for thing in inventory if thing.kind == "solid")
@@ -145,8 +144,8 @@ def _polygons(entity: Any) -> Iterator[Polygons]:
 
 
 class _Entities:
-    """Iterator over the drawn entities. It counts them, because nested blocks may repeat an entity a million times.
-    hidden : lower names of the layers that are off or frozen.    hidden_layers : true to draw their entities, too.
+    """Iterator over the drawn entities. It also counts them, because nested blocks may repeat an entity very often.
+    hidden : names, in lower case, of layers that are off or frozen.    hidden_layers : true to draw these layers, too.
     counts : counted insertions and hidden objects."""
 
     def __init__(self, document: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
@@ -159,7 +158,7 @@ class _Entities:
         self, entities: Any, depth: int, outer: str = "0", mirrored: bool = False, hidden: bool = False
     ) -> Iterator[tuple[Any, str, bool, bool]]:
         """Yield each drawn entity with its layer, whether its block is mirrored, and whether its layer or the insertion
-        of its block is hidden. In blocks, the layer 0 is the layer `outer` of the insertion."""
+        of its block is hidden. In blocks, layer 0 stands for the layer of the insertion, `outer`."""
         if depth > self.budget.depth:
             raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
         for entity in entities:
@@ -185,7 +184,7 @@ class _Entities:
             words = f"{insert.dxf.name!r}, whose content is elsewhere"
             self.counts[Content("external reference", "dropped", words)] += 1
             return
-        turned = insert.matrix44().determinant() < 0  # also by outer blocks, which virtual_entities() applies
+        turned = insert.matrix44().determinant() < 0  # virtual_entities() has applied outer blocks
         self.counts[Content("block insertion" if turned == mirrored else "mirrored block insertion")] += insert.mcount
         for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
             yield from self.leaves(copy.virtual_entities(), depth + 1, layer, turned, hidden)
@@ -246,12 +245,12 @@ class Marks:
 
     @property
     def closed_runs(self) -> list[Floats]:
-        """Curves whose end is at their first point."""
+        """Curves that end at their first point."""
         return [run for run in self.curves if _ends_meet(run)]
 
     @property
     def open_runs(self) -> list[Floats]:
-        """Curves whose ends are apart."""
+        """Curves with two separate ends."""
         return [run for run in self.curves if not _ends_meet(run)]
 
 
@@ -264,8 +263,8 @@ _READERS = {".dxf": read_dxf, ".3dm": read_rhino_in_process}
 
 
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
-    """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers; touching lines and arcs form
-    one curve.
+    """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers; touching lines and arcs
+    form one curve.
 
     unit : unit of the file's numbers; by default the unit that the file declares.
 
@@ -282,7 +281,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
-    """Return the visible content of the layers with these names (any case), by name, without empty layers.
+    """Return the visible content of the layers named in `words`, in any case, without empty layers.
     metres : length of the file's unit in metres. Raises SurfaceError for an unreadable file, as `closed_curves` does.
     """
     path = Path(path)
@@ -333,7 +332,7 @@ def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Fl
     """Join runs with common ends; yield closed curves without a repeated point. Raises SurfaceError for open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
-    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # point 2 k starts run k, point 2 k + 1 ends it
+    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # points 2 k and 2 k + 1 are the ends of run k
     free = np.ones(len(runs), dtype=bool)
     for start in range(len(runs)):
         if not free[start]:

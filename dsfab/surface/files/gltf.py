@@ -35,7 +35,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass(frozen=True)
 class Buffers:
-    """Buffers in a file's JSON `tree`. binary : the buffer inside the file. beside : reads a file beside it."""
+    """The buffers that a file's JSON `tree` names. binary : buffer inside the file. beside : reader of other files."""
 
     tree: dict[str, Any]
     binary: bytes | None
@@ -50,9 +50,7 @@ class Buffers:
         start, length = _count(view.get("byteOffset", 0)), _count(view["byteLength"])
         data = self._buffer(_count(view["buffer"]))
         if start + length > len(data):
-            raise MalformedFileError(
-                f"it needs {start + length:,} bytes of a buffer with {len(data):,} bytes: the file is cut off"
-            )
+            raise MalformedFileError(f"a buffer needs {start + length:,} bytes and has {len(data):,}: it is cut off")
         return data[start : start + length], _count(view.get("byteStride", 0))
 
     def _buffer(self, number: int) -> bytes:
@@ -72,7 +70,7 @@ class Buffers:
             try:
                 return base64.b64decode(uri.partition(",")[2], validate=True)
             except (binascii.Error, ValueError):
-                raise MalformedFileError("the coordinates in its text are damaged") from None
+                raise MalformedFileError("the coordinates encoded in its JSON are damaged") from None
         if self.beside is None or "://" in uri:
             raise MalformedFileError(f"its coordinates are not in the file ({uri[:60]}): export the mesh as one file")
         return self.beside(unquote(uri))
@@ -102,9 +100,7 @@ def _elements(buffers: Buffers, entry: dict[str, Any], kind: str, count: int, wi
     start, element_size = _count(entry.get("byteOffset", 0)), np.dtype(kind).itemsize * width
     stride = stride or element_size
     if stride < element_size or (count and start + stride * (count - 1) + element_size > len(data)):
-        raise MalformedFileError(
-            f"{count:,} elements are announced but their bytes are missing: the file is damaged or cut off"
-        )
+        raise MalformedFileError(f"{count:,} elements are announced, but their bytes are missing: it is cut off")
     if not count:
         return np.zeros((0, width), dtype=kind)
     return np.ndarray((count, width), kind, data, start, (stride, np.dtype(kind).itemsize)).copy()
@@ -114,10 +110,10 @@ def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any])
     count, indices = _count(sparse["count"]), sparse["indices"]
     kind = _TYPES.get(indices["componentType"])
     if kind is None or count > len(values):
-        raise MalformedFileError("it replaces more elements than it has")
+        raise MalformedFileError("a sparse table replaces more elements than there are")
     positions = _elements(buffers, indices, kind, count, 1).ravel().astype(np.int64)
     if count and not 0 <= positions.min() <= positions.max() < len(values):
-        raise MalformedFileError("it replaces elements that do not exist")
+        raise MalformedFileError("a sparse table replaces elements that do not exist")
     values[positions] = _elements(buffers, sparse["values"], values.dtype.str, count, values.shape[1])
     return values
 
@@ -139,7 +135,7 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> TriangleFile:
     """Return the triangles of the scene in a binary file, metres with z up; see `read_gltf`. Raises MalformedFileError
-    for a damaged or incomplete file, SurfaceError over its size limits."""
+    for a damaged or incomplete file, SurfaceError beyond the budget."""
     if data[:4] != b"glTF":
         raise MalformedFileError("there is no glTF header")
     if len(data) < 20:
@@ -166,8 +162,8 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> Tr
 
 def read_gltf(data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes]) -> TriangleFile:
     """Return the triangles of a JSON file in metres, with coincident vertices merged, and the y axis turned to z.
-    read_neighbour : function that returns a file in the same folder. Raises MalformedFileError for a damaged file,
-                     SurfaceError over its size limits."""
+    read_neighbour : function that returns a file in the same folder.
+    Raises MalformedFileError for a damaged file, SurfaceError beyond the budget."""
     if data[:4] == b"glTF":
         return read_glb(data, budget, read_neighbour)
     file = text_file(data)
@@ -181,16 +177,14 @@ def _json_tree(data: bytes) -> dict[str, Any]:
         raise MalformedFileError("its JSON is broken or cut off") from None
     asset = tree.get("asset") if isinstance(tree, dict) else None
     if isinstance(tree, dict) and isinstance(tree.get("meshes"), dict):
-        asset = {"version": "1.0"}  # in version 1 all lists were tables, and `asset` was optional
+        asset = {"version": "1.0"}  # version 1 has tables in place of lists, and `asset` is optional
     if not isinstance(tree, dict) or not isinstance(asset, dict):
         raise MalformedFileError("its JSON is not glTF")
     if str(asset.get("version", "2")).split(".")[0] != "2":
         raise MalformedFileError(f"its version of glTF is {asset['version']}, but dsfab reads version 2")
     unknown = [str(name) for name in tree.get("extensionsRequired", []) if not str(name).startswith(_HARMLESS)]
     if unknown:
-        raise MalformedFileError(
-            f"it needs the extension {', '.join(unknown)}, which dsfab does not read: export it without compression"
-        )
+        raise MalformedFileError(f"it needs the extension {', '.join(unknown)}: export it without compression")
     return tree
 
 
@@ -207,7 +201,7 @@ def _scene(
         V, F = concatenated_mesh(list(scene.parts()))
         scene.count_unused()
     except (KeyError, TypeError, AttributeError, IndexError):
-        raise MalformedFileError("a part that its JSON names is missing or of another kind") from None
+        raise MalformedFileError("a part that its JSON names is missing or of the wrong kind") from None
     V, F = equal_merged(V, F) if len(F) else (V, F)
     doubts = doubts if tree.get("scenes") else (*doubts, "the file names no scene: all its objects are taken")
     return TriangleFile(upright_vertices(V, "y"), F, "m", doubts, dropped, contents(scene.counts))
@@ -252,7 +246,7 @@ class _Scene:
         while waiting:
             number, above, depth, shown = waiting.pop()
             if number in seen or depth > 200:  # files of usual programs have up to 100 levels
-                raise MalformedFileError("its nodes form no tree: a node is below itself, or at two places")
+                raise MalformedFileError("its nodes are not a tree: a node has two parents, or contains itself")
             seen.add(number)
             node = nodes[number]
             extensions = node.get("extensions", {})
@@ -270,7 +264,7 @@ class _Scene:
             waiting.extend((child, matrix, depth + 1, shown) for child in reversed(node.get("children", [])))
 
     def _instances(self, attributes: dict[str, int]) -> Iterator[Floats]:
-        """Yield the matrices of the instances of a mesh; without instances a unit matrix."""
+        """Yield the matrices of the instances of a mesh; without instances an identity matrix."""
         names = [name for name in ("TRANSLATION", "ROTATION", "SCALE") if name in attributes]
         tables = [accessor(self.tree, self.buffers, attributes[k], 4 if k == "ROTATION" else 3) for k in names]
         if not tables:

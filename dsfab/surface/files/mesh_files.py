@@ -26,10 +26,10 @@ OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow 
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Join the faces of a mesh at coincident vertices if only the format of the file separates them. There are two
-    cases: no two faces share a vertex, as in STL files; or every free edge has an exact twin, so that no free edge
-    remains. No edge may get more than two faces. In all other cases coincident vertices stay apart, because they may be
-    an intended joint. Returns the file and a text about the repair."""
+    """Join the faces of a mesh at coincident vertices if only the format of the file separates the faces. This is so if
+    no two faces share a vertex, as in STL files, or if each free edge has an equal free edge. Otherwise coincident
+    vertices stay apart, because they may be an intended joint. No edge gets more than two faces. Return the file and a
+    text about the repair."""
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
     if not len(corners) or corners.min() < 0 or corners.max() >= len(V):
@@ -103,7 +103,7 @@ class RawMesh:
 
 
 CAD_SUFFIXES = (*(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"), *(".fbx", ".blend", ".ifc", ".rvt", ".gh"))
-"""Suffixes of CAD programs' files that dsfab does not read as meshes."""
+"""Suffixes of files of CAD programs that dsfab does not read."""
 
 
 def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: str | None = None) -> RawMesh:
@@ -114,7 +114,7 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: st
     share a vertex. Unused vertices are removed.
 
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
-    unit : the user's unit; the result keeps the unit of the file, unless dsfab does not know it.
+    unit : the user's unit, which replaces a unit of the file that dsfab does not know.
 
     Raises SurfaceError for a path that is not a readable mesh file, for a file beyond the limits, and for an unknown
     unit in the file without `unit`."""
@@ -166,10 +166,8 @@ def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
     crossing = len(cut.fanned)
     if crossing:
         face_list = ", ".join(str(k) for k in faces[cut.fanned[:3]].tolist())
-        repaired = (
-            *repaired,
-            f"{count_phrase(crossing, 'face')} that cross themselves cut as fans (first, counted from 0: {face_list})",
-        )
+        what = f"{count_phrase(crossing, 'face')} that cross themselves"
+        repaired = (*repaired, f"{what} cut as fans (first, counted from 0: {face_list})")
     face_count = count_phrase(len(file.mesh.sizes), "face")
     record = _record(suffix, replace(file, content=content), len(file.mesh.V), face_count).also(repaired)
     return RawMesh(joined_file.mesh.V, cut.F, len(file.mesh.sizes), file.unit, record, file.up)
@@ -192,11 +190,9 @@ def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:
 
 
 def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
-    over = "".join(f"; ignored: {what}" for what in raw.record.dropped)  # often the reason for missing faces
+    n, over = len(raw.V), "".join(f"; ignored: {what}" for what in raw.record.dropped)
     if not len(raw.F):
-        text = f"{path} has {len(raw.V)} vertices and no faces"
-        raise SurfaceError(f"{text}{over}; give a mesh with at least one triangle")
-    n = len(raw.V)
+        raise SurfaceError(f"{path} has {n} vertices and no faces{over}; give a mesh with at least one triangle")
     bad = np.flatnonzero((raw.F.min(axis=1) < 0) | (raw.F.max(axis=1) >= n))
     if len(bad):
         raise SurfaceError(
@@ -228,9 +224,7 @@ def _suffix(path: Path) -> str:
     if not path.exists():
         names = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         matches = difflib.get_close_matches(path.name, names, n=1)
-        raise SurfaceError(
-            f"{path} does not exist; " + (f"did you mean {matches[0]}?" if matches else "check the path")
-        )
+        raise SurfaceError(f"{path} does not exist; {f'did you mean {matches[0]}?' if matches else 'check the path'}")
     if not path.stat().st_size:
         raise SurfaceError(f"{path} is empty; export it again")
     return suffix
@@ -244,9 +238,7 @@ _GLTF: dict[str, Callable[[bytes, Budget, Callable[[str], bytes]], TriangleFile]
 _BY_PATH: dict[str, Callable[[Path, Budget], TriangleFile]] = {
     ".3dm": read_3dm,
     ".dxf": read_dxf_meshes,
-    ".step": read_cad,
-    ".stp": read_cad,
-    ".brep": read_cad,
+    **dict.fromkeys((".step", ".stp", ".brep"), read_cad),
 }
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".3dm", ".dxf", ".step", ".stp", ".brep")
 """Suffixes of the mesh files that dsfab reads."""

@@ -38,17 +38,15 @@ LINES_PER_CHECK = 1 << 14  # Lines between two checks of the numbers of vertices
 
 
 def read_obj(data: bytes, budget: Budget) -> PolygonFile:
-    """Return the vertices and faces of an OBJ file. The reader ignores textures, normals and groups, and counts lines,
-    points and free forms.
-
-    Raises MalformedFileError with the number of an unreadable line, SurfaceError beyond the budget."""
+    """Return the vertices and faces of an OBJ file, without textures, normals and groups; lines, points and free forms
+    are counted. Raises MalformedFileError with the number of a bad line, SurfaceError beyond the budget."""
     file = text_file(data)
     comments = declarations_in_comments(file.text, ("#",))
     if "\\\n" in file.text:
         file = TextFile(_join_lines(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
     ignored: Counter[str] = Counter()
-    groups, group = set[str](), ""  # names of groups with faces, and a name that waits for its first face
+    groups, group = set[str](), ""  # names of groups with faces; name of the present group while it has no face
     odd, last_words = "", [""]
     for number, line in file.numbered_lines(budget):
         words = line.split() if "#" not in line else line[: line.index("#")].split()
@@ -100,8 +98,9 @@ def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
 
 
 def _join_lines(text: str) -> str:
-    """Join each line that ends with a backslash with the next line, except comments, which may end with a path. Raises
-    MalformedFileError without a space between the lines, because programs disagree whether a number continues."""
+    """Join each line that ends with a backslash with the next line. Comments stay, because a path may end with a
+    backslash. Raises MalformedFileError without a space between the lines, because programs disagree whether a number
+    continues."""
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1
@@ -114,7 +113,7 @@ def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:
         raise ValueError
     V.extend(map(float, words[1:4]))
     if len(words) > 4:
-        list(map(float, words[4:]))  # two vertices on one line raise ValueError
+        list(map(float, words[4:]))  # raises ValueError if two vertices are on one line
 
 
 def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], count: int) -> None:
@@ -141,7 +140,7 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
         for count_read in range(count):
             number, words = next(lines, (0, []))
             if not words:
-                raise MalformedFileError(f"{count:,} {kind} are announced, and it ends after {count_read:,}")
+                raise MalformedFileError(f"it announces {count:,} {kind}, but has only {count_read:,}")
             try:
                 if kind == "vertices":
                     V.extend([float_of(words[0]), float_of(words[1]), float_of(words[2])])
@@ -153,7 +152,7 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
             except (ValueError, IndexError, OverflowError):
                 raise MalformedFileError(f"line {number} cannot be read: {' '.join(words)[:60]!r}") from None
     extra_lines = sum(1 for _ in lines)
-    bare = not extra_lines and m and len(words) == 1 + sizes[-1]  # true if the last face has no colour
+    bare = not extra_lines and m and len(words) == 1 + sizes[-1]  # the last face has no colour
     doubts = file.cut_off("a face") if bare and may_lack_digits(words[-1], n) else ()
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
     dropped = (f"{count_phrase(extra_lines, 'line')} after the last face",) if extra_lines else ()

@@ -1,5 +1,4 @@
-"""Conversion of meshes of trimesh, pyvista and compas to surfaces and back. dsfab imports a library at its first
-use."""
+"""Conversion of meshes of trimesh, pyvista and compas, which are imported at their first use, to surfaces and back."""
 
 import importlib.util
 import warnings
@@ -45,9 +44,7 @@ def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
         faces = [[int(corner) for corner in face] for face in F]
         mesh = polygons(np.asarray(V, dtype=np.float64).reshape(-1, 3).tolist(), faces)
     except (TypeError, ValueError) as error:
-        raise SurfaceError(
-            f"the mesh needs (n, 3) numbers as vertices and lists of vertex indices as faces: {error}"
-        ) from None
+        raise SurfaceError(f"the mesh needs vertices (n, 3), and faces as lists of indices: {error}") from None
     if faces and not (mesh.corners.min() >= 0 and mesh.corners.max() < len(mesh.V) and mesh.sizes.min() >= 3):
         raise SurfaceError(f"each face needs three or more vertices out of 0..{len(mesh.V) - 1}; repair the mesh")
     return mesh
@@ -55,9 +52,7 @@ def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
 
 def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     """Convert a mesh of trimesh, pyvista, compas, meshio, or any mesh with vertices and faces, to a surface.
-
-    unit : unit of the coordinates. None takes the unit of the mesh (trimesh may have a unit), else metres.
-
+    unit : unit of the coordinates; by default the unit that the mesh declares (possible in trimesh), else metres.
     Vertices at the same place become one vertex, as in STL and GLB files. A `Surface` is returned unchanged. Raises
     SurfaceError for any other type, and as `surface_from` does."""
     if isinstance(mesh, Surface):
@@ -75,9 +70,7 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
         return _merged_surface(mesh.points, cells, unit)
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
         return _merged_surface(mesh.vertices, mesh.faces, unit)
-    raise SurfaceError(
-        f"a {type(mesh).__name__} is no mesh that dsfab knows; give a mesh with vertices and faces, or call from_mesh"
-    )
+    raise SurfaceError(f"a {type(mesh).__name__} is not a mesh; give a mesh with vertices and faces, or call from_mesh")
 
 
 def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
@@ -124,7 +117,7 @@ def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
     """Return a pyvista mesh of V (n, 3), metres, and F (m, 3), unchanged."""
     import pyvista
 
-    build: Any = pyvista.PolyData.from_regular_faces  # its annotations forbid numpy arrays
+    build: Any = pyvista.PolyData.from_regular_faces  # pyvista's annotations forbid numpy arrays
     mesh: pyvista.PolyData = build(np.asarray(V), np.asarray(F))
     return mesh
 

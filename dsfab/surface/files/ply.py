@@ -49,9 +49,7 @@ class PlyElement:
 
     def cut_off(self) -> MalformedFileError:
         """Return the error for a file with fewer records than announced."""
-        return MalformedFileError(
-            f"the file ends within the element {self.name!r}, although it announces {self.count:,} records"
-        )
+        return MalformedFileError(f"it announces {self.count:,} records of {self.name!r}, but ends before the last one")
 
 
 Columns = dict[str, Any]  # An array (count,) per property; for lists, all their values (c,), and the lengths (count,).
@@ -99,7 +97,8 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """Return start and length (count, p) of properties in each record, and the end; None if list lengths differ."""
+    """Return start and length (count, p) of the properties in each record, and the end of the element. None if a list
+    has different lengths in different records."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
@@ -143,7 +142,7 @@ def _text_walk(numbers: Floats, position: int, element: PlyElement, budget: Budg
 
 def binary_element(body: bytes, position: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
     """Return the properties of a binary element from byte `position`, and the end of the element.
-    The function is faster if all lists have equal lengths. order : '<' little endian, '>' big endian."""
+    order : '<' little endian, '>' big endian. Lists of equal lengths are read faster."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * sum(np.dtype(p.length or p.type).itemsize for p in element.properties) > len(body) - position:
@@ -160,9 +159,8 @@ def binary_element(body: bytes, position: int, element: PlyElement, order: str, 
     for i, p in enumerate(element.properties):
         width = np.dtype(p.type).itemsize
         places = _places(begins[:, i], counts[:, i], width)
-        columns[p.name] = _as_column(
-            p, raw[places[:, None] + np.arange(width)].view(order + p.type).ravel(), counts[:, i]
-        )
+        values = raw[places[:, None] + np.arange(width)].view(order + p.type).ravel()
+        columns[p.name] = _as_column(p, values, counts[:, i])
     return columns, position
 
 
@@ -185,19 +183,13 @@ def _first_record(body: bytes, position: int, element: PlyElement, order: str) -
 
 def _binary_walk(body: bytes, position: int, element: PlyElement, order: str, budget: Budget) -> tuple[Ints, Ints, int]:
     byte = "little" if order == "<" else "big"
-    steps = [
-        (
-            np.dtype(p.length).itemsize if p.length else 0,
-            np.dtype(p.type).itemsize,
-            bool(p.length and p.length[0] == "i"),
-        )
-        for p in element.properties
-    ]
+    widths = [(np.dtype(p.length).itemsize if p.length else 0, np.dtype(p.type).itemsize) for p in element.properties]
+    signs = [bool(p.length and p.length[0] == "i") for p in element.properties]
     start, sizes = array("q"), array("q")
     for k in range(element.count):
         if k % CHUNK == 0:
             budget.require_time()
-        for wide, width, signed in steps:
+        for (wide, width), signed in zip(widths, signs, strict=True):
             size = int.from_bytes(body[position : position + wide], byte, signed=signed) if wide else 1  # type: ignore[arg-type]
             position += wide
             if size < 0 or position + size * width > len(body):

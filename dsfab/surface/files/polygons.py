@@ -11,11 +11,10 @@ import pythoncdt as cdt
 from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
-"""Cosines of the angle between the two triangles of a quad. Above the first cosine a quad is flat; below the second
-cosine it may cross a fold."""
+"""Cosines of the angle between a quad's triangles: flat quads are above `FLAT`; below `WARPED`, folds may cross."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""The longer diagonal is right if its triangles continue flat neighbours within `ON`, the chord of 10 degrees.
-Their angle to these neighbours must also be below the share `BETTER` of the angle with the shorter diagonal."""
+"""A quad is cut along its longer diagonal if its triangles then bend against flat neighbours by less than `ON`, the
+chord of 10 degrees. The bend must also be below `BETTER` times the bend with the shorter diagonal."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
@@ -75,19 +74,16 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     N = unit_vectors(np.stack([np.bincount(owner, x, len(sizes)) for x in turned.T], axis=1))
     _, edge, count = np.unique(np.minimum(a, b) * len(V) + np.maximum(a, b), return_inverse=True, return_counts=True)
     side = starts[:, None] + np.arange(4)
-    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # sum of the two half-edges minus the first
+    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # the opposite half-edge
     beyond = np.where(count[edge[side]] == 2, beyond, side)
     is_flat = (beyond != side) & ~bent[owner[beyond]]
     return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])
 
 
 MOST_CORNERS_FOR_EARS = 12  # Larger polygons are not cut by ears, because this takes k^3 steps for k corners.
-MANY = 2000
-"""Number of corners above which dsfab uses Delaunay triangles: a comb of 100,000 corners takes 0.2 s, with earcut 4
-s."""
+MANY = 2000  # Polygons with more corners get Delaunay triangles: 0.2 s for a comb of 100,000 corners, earcut takes 4 s.
 NOISE = 32 * float(np.finfo(np.float64).eps)
-"""A corner is straight if it is nearer than this to the line of its neighbours, as a share of the largest
-coordinate."""
+"""Largest distance of a straight corner from the line of its neighbours, over the largest coordinate."""
 ORDER = cdt.VertexInsertionOrder.AUTO  # An order of insertion in which near points follow each other.
 TOGETHER = 1 << 12  # Number of polygons that are cut together, so that their data fit into the processor's cache.
 
@@ -129,9 +125,9 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
 
 
 def large_polygon_triangles(P: Floats) -> Ints | None:
-    """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal.
-    None if the polygon crosses itself in this view, or has no area. Every corner is a corner of a triangle, also in
-    the middle of a straight side, because a neighbour's corner may be there."""
+    """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal. None if the polygon
+    crosses itself in this view, or has no area. Every corner is a corner of a triangle, also in the middle of a
+    straight side, because a neighbouring polygon may have a corner there."""
     flat, noise = _in_plane(P)
     x, y = flat.T
     area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
@@ -153,7 +149,7 @@ def _ring_cut(flat: Floats) -> Ints:
     if len(flat) <= MANY:
         return _earcut(flat)
     cut, ends = cdt.Triangulation(ORDER, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0), np.arange(len(flat))
-    points: Any = np.ascontiguousarray(flat)  # Python has a name for this type, a buffer, only from version 3.12 on
+    points: Any = np.ascontiguousarray(flat)  # a buffer, a type that only Python 3.12 names
     sides: Any = np.stack([ends, np.roll(ends, -1)], axis=1).astype(np.uint32)
     try:
         cut.insert_vertices(points)

@@ -146,12 +146,9 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
         )
     n = int(F.max()) + 1
     points = pinches(F, edges, n)
-    inside = points[~on_boundary(edges, n)[points]]
-    if len(inside):
-        raise SurfaceError(
-            f"parts touch in a point inside the surface (first: vertex {inside[0]}); join them along edges, or move "
-            "them apart"
-        )
+    bad = points[~on_boundary(edges, n)[points]]
+    if len(bad):
+        raise SurfaceError(f"parts touch in a point inside the surface (first: vertex {bad[0]}); join or separate them")
 
 
 def _oriented_faces(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
@@ -175,12 +172,12 @@ def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """Facts about a mesh file, sound or not. Lengths are in metres, converted from `unit`; faces are triangles.
-    Faces with vertices that are not finite count in `faces` only. `volume` is None unless the mesh is closed and
-    oriented; `genus` is None unless it is a single oriented manifold piece. `faults` are sentences on why the mesh is
-    not an oriented manifold. `smallest_angle` is in degrees and ignores degenerate faces. `unit_guess` is the unit
-    that the file declares, or a guess from the size of the numbers; `unit_said` is true for a declared unit. `record`
-    lists the repairs and dropped parts."""
+    """Facts about a mesh file, sound or not. Lengths are in metres, converted from `unit`; faces are triangles. Faces
+    with vertices that are not finite count in `faces` only. `volume` is None unless the mesh is closed and oriented.
+    `genus` is None unless the mesh is a single oriented manifold piece. `faults` say why the mesh is not an oriented
+    manifold. `smallest_angle` is in degrees and ignores degenerate faces. `unit_guess` is the unit that the file
+    declares, or a guess from the size of the numbers; `unit_said` is true for a declared unit. `record` lists the
+    repairs and dropped parts."""
 
     path: str
     unit: str
@@ -236,7 +233,7 @@ def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshF
     faults = manifold_faults(F, edges, len(V))
     encloses = not edges.boundary.any() and not len(misoriented_edges(F, edges)) and not (edges.count > 2).any()
     count, _ = pieces(F, edges)
-    if faults or encloses or count > 1:  # a single open sheet seldom lies on itself, and a build tells it
+    if faults or encloses or count > 1:  # not for a single open sheet, which seldom overlaps
         faults = (*faults, *overlap_remarks(V, F, duplicate_faces(F)))
     lengths = _boundary_lengths(V, F, edges)
     euler = euler_characteristic(F, edges)
@@ -298,7 +295,6 @@ def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, 
 
 
 def unit_guess(raw: RawMesh) -> str:
-    """Return the declared unit; without one, metres for a box up to 250 long (few shells are longer), else
-    millimetres."""
+    """Return the declared unit; else metres for a box up to 250 long (few shells are longer), or millimetres."""
     V = raw.V[in_reach(raw.V)]
     return raw.unit or ("m" if np.ptp(V, axis=0).max() <= 250.0 else "mm")

@@ -100,10 +100,10 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Content:
-    """Things of one kind in a file, and what became of them.
+    """Things of one kind in a file, and what dsfab did with them.
     kind  : "mesh", "curve", "hidden object" ...    about : words after the kind, such as a layer or a reason.
-    fate  : "taken" into the surface; "marks" of supports, loads and regions; "beside" the surface, because it is none,
-            such as a curve; or "dropped", although the user may miss it.
+    fate  : "taken", part of the surface; "marks", a mark of supports, loads or regions; "beside", a thing that cannot
+            be part of the surface, such as a curve; "dropped", a thing that the user may miss.
     count : number of these things."""
 
     kind: str
@@ -118,7 +118,7 @@ class Content:
 
 
 def hidden_on(layer: str) -> Content:
-    """Return the entry of an object that the file hides; layer : name of its layer, or "" for files without layers."""
+    """Return the inventory entry of an object that the file hides on a layer; "" for files without layers."""
     return Content("hidden object", "dropped", f"on layer {layer!r}" if layer else "")
 
 
@@ -133,7 +133,7 @@ _OTHER_NAMES = {
 
 
 def mark(kind: str, layer: str) -> Content:
-    """Return the entry of a point or curve; the layer matters if it is one of `MARK_LAYERS`, or nearly so."""
+    """Return the inventory entry of an object on a layer; points and curves on one of `MARK_LAYERS` are marks."""
     word = layer.lower()
     if word in MARK_LAYERS:
         return Content(kind, "marks" if kind in ("curve", "point") else "beside", f"on layer {layer!r}")
@@ -145,7 +145,7 @@ def mark(kind: str, layer: str) -> Content:
 
 
 def contents(counts: Counter[Content]) -> tuple[Content, ...]:
-    """Return the counted entries; objects hidden on many layers become one entry."""
+    """Return the inventory entries with their counts; objects hidden on many layers become one entry."""
     shown = {thing: count for thing, count in counts.items() if count}
     hidden = [thing for thing in shown if thing.kind == "hidden object"]
     if len(hidden) > MANY_LAYERS:
@@ -154,7 +154,7 @@ def contents(counts: Counter[Content]) -> tuple[Content, ...]:
     return tuple(replace(thing, count=count) for thing, count in shown.items())
 
 
-MANY_LAYERS = 5  # Hidden objects on more layers are one line, because the lines would fill the screen.
+MANY_LAYERS = 5  # Objects hidden on more layers are reported in one line.
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class PolygonFile:
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
     """Triangles of a file: vertices V (n, 3) in the file's unit, faces F (m, 3), and remarks as in a `PolygonFile`.
-    unit : the unit that the file declares, None without a unit; another word than in METRES_PER needs --unit.
+    unit : the unit that the file declares, or None; a unit outside METRES_PER requires --unit.
     content : inventory of the file."""
 
     V: Floats
@@ -321,7 +321,7 @@ def text_file(data: bytes) -> TextFile:
 
 @dataclass(frozen=True)
 class CommentDeclarations:
-    """Declarations in comments at the beginning of a file; None for missing declarations.
+    """Declarations in comments at the beginning of a file; None if missing.
     unit : a key of METRES_PER.    up : "y" or "z", the default up axis of the program that wrote the file."""
 
     unit: str | None = None
@@ -358,14 +358,14 @@ LARGEST_NUMBER = 1e12  # Larger numbers cannot be lengths or angles, and librari
 FAR = 100.0  # A mesh is far from the origin if its coordinates are this many times as large as its largest side.
 DIGITS = 6  # Digits of numbers by default in C and C++ programs (printf with %g), for example gmsh.
 COARSE_STEP, LARGEST_STEP = 0.02, 0.5
-"""Steps of the numbers, as shares of the mean edge: dsfab reports larger steps than the first, which move vertices by
-over 1 % of an edge, and refuses larger steps than the second, which can turn faces over."""
+"""Rounding steps of the coordinates, over the mean edge. dsfab reports steps above `COARSE_STEP`, which move vertices
+by over 1 % of an edge. It refuses steps above `LARGEST_STEP`, which can turn faces over."""
 
 
 def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, str]:
-    """Return the coarsest step of the coordinates V (n, 3) of faces F (m, 3), as a share of the mean edge, and a
-    sentence about it in `unit`; 0 and "" for a fine step.
-    Only meshes far from the origin have coarse steps: if all numbers are 32-bit numbers, or have `DIGITS` digits."""
+    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3), over the mean edge, and a
+    sentence about it in `unit`; 0 and "" for a fine step. Only meshes far from the origin, in 32-bit numbers or with
+    `DIGITS` digits, have coarse steps."""
     P = V[F].reshape(-1, 3)
     largest = np.abs(P).max(axis=0)
     if not np.isfinite(largest).all() or largest.max() <= FAR * np.ptp(P, axis=0).max():
@@ -373,7 +373,7 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
     tens = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS)
     if (P.astype(np.float32) == P).all():
         step, why = np.spacing(largest.astype(np.float32)).astype(np.float64), "32-bit numbers"
-        step *= (P % (2 * step)).any(axis=0)  # other numbers, such as whole metres, may be exact
+        step *= (P % (2 * step)).any(axis=0)  # exact numbers, such as whole metres, have no step
     elif (np.abs(P / tens - np.rint(P / tens)) < 1e-6).all():
         step, why = tens.max(axis=0), f"{DIGITS} digits"
     else:
@@ -425,7 +425,7 @@ class DrawingBudget:
             raise SurfaceError(f"reading the drawing took more than {self.seconds:.0f} s; {_APART}")
 
 
-_APART = "put the outlines into a drawing of their own"  # Remedy in the messages about the limits of `DrawingBudget`.
+_APART = "put the outlines into a separate drawing"  # Remedy in the messages about the limits of `DrawingBudget`.
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:

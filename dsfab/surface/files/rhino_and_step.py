@@ -60,9 +60,7 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
-    """Return the meshes of a 3DM file, and the saved meshes of its surfaces, with blocks expanded and vertices not
-    joined.
-
+    """Return the meshes of a 3DM file, and the saved meshes of its surfaces, with blocks expanded, vertices not joined.
     Raises SurfaceError for a file whose surfaces have no saved meshes, and as `read_rhino` does."""
     model = _model(path)
     drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
@@ -82,9 +80,8 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
         what = f"{count_phrase(bare, 'surface')} without a mesh" if bare else "no mesh"
         over = "".join(f"; ignored: {thing.text}" for thing in inventory if thing.kind == "hidden object")
         raise SurfaceError(f"the file has {what}{over}; make a mesh in Rhino (Mesh), or export the surface as STEP")
-    return TriangleFile(
-        *concatenated_mesh(parts), declared_unit(model.Settings.ModelUnitSystem.name), content=inventory
-    )
+    unit = declared_unit(model.Settings.ModelUnitSystem.name)
+    return TriangleFile(*concatenated_mesh(parts), unit, content=inventory)
 
 
 def _meshes(thing: Any) -> list[Any] | None:
@@ -103,7 +100,7 @@ def _meshes(thing: Any) -> list[Any] | None:
 
 
 def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
-    points = map(mesh.Vertices.Point3dAt, range(len(mesh.Vertices)))  # the list itself has single precision
+    points = map(mesh.Vertices.Point3dAt, range(len(mesh.Vertices)))  # mesh.Vertices itself has single precision
     V = np.array([(p.X, p.Y, p.Z) for p in points], dtype=np.float64).reshape(-1, 3)
     quads = np.array([mesh.Faces[k] for k in range(len(mesh.Faces))], dtype=np.int64).reshape(-1, 4)
     sizes = np.where(quads[:, 2] == quads[:, 3], 3, 4)
@@ -137,8 +134,8 @@ def _model(path: Path) -> Any:
 
 
 class _DrawnObjects:
-    """Iterator over the visible objects of a 3DM file; it also counts them. A file lists the content of a block among
-    all objects. The iterator draws it at each insertion of the block, moved by the insertion's matrix.
+    """Iterator over the visible objects of a 3DM file, which it also counts. The file lists the objects of a block
+    once. The iterator yields them at each insertion of the block, moved by the insertion's matrix.
     hidden : numbers of the hidden layers, and of layers within them.    hidden_layers : true to draw their objects.
     counts : counted insertions and hidden objects."""
 
@@ -213,10 +210,8 @@ def _points(curve: Any) -> Floats:
 
 
 def read_occt(path: Path) -> TriangleFile:
-    """Return the triangles of all faces, not joined. STEP files are converted to millimetres; BREP files declare no
-    unit.
-
-    Raises MalformedFileError for a file that OCCT cannot read, and for a file without faces."""
+    """Return the triangles of all faces, not joined, in millimetres from STEP files; BREP files declare no unit. Raises
+    MalformedFileError for a file that OCCT cannot read, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
     from OCP.BRepMesh import BRepMesh_IncrementalMesh

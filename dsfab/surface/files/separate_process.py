@@ -54,7 +54,7 @@ def read_3dm(path: Path, budget: Budget) -> TriangleFile:
 def read_cad(path: Path, budget: Budget) -> TriangleFile:
     """Return the triangles of a STEP or BREP file, joined along common edges. Raises like `read_rhino_in_process`."""
     mesh = _triangles("cad", path, budget)
-    V, became = merged_vertices(mesh.V, 1e-7)  # points of two faces on a common edge differ by less
+    V, became = merged_vertices(mesh.V, 1e-7)  # faces give slightly different points on a common edge
     F = became[mesh.F]
     is_triangle = (np.roll(F, 1, axis=1) != F).all(axis=1)
     return replace(mesh, V=V, F=F[is_triangle])
@@ -94,34 +94,30 @@ def main() -> None:
     """Read a file in this process; the arguments are kind, path and seconds. Print JSON for drawings, else .npz."""
     kind, path, seconds = sys.argv[1:]
     _limit(int(seconds), MEMORY[kind])
+    facts, V, F = dict[str, Any](), np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+    try:
+        if kind == "drawing":
+            facts = _drawing(Path(path))
+        else:
+            mesh = read_rhino_meshes(Path(path), DrawingBudget()) if kind == "meshes" else read_occt(Path(path))
+            facts = {"unit": mesh.unit, "doubts": mesh.doubts, "content": [*map(asdict, mesh.content)]}
+            V, F = mesh.V, mesh.F
+    except SurfaceError as error:
+        facts = {"refused": str(error)}
+    except MalformedFileError as error:
+        facts = {"malformed": str(error)}
     if kind == "drawing":
-        sys.stdout.write(json.dumps(_drawing(Path(path))))
-        return
-    facts, V, F = _meshes(kind, Path(path))
-    np.savez(sys.stdout.buffer, said=json.dumps(facts), V=V, F=F)
+        sys.stdout.write(json.dumps(facts))
+    else:
+        np.savez(sys.stdout.buffer, said=json.dumps(facts), V=V, F=F)
 
 
 def _drawing(path: Path) -> dict[str, Any]:
-    try:
-        drawing = read_rhino(path, DrawingBudget())
-    except SurfaceError as error:
-        return {"refused": str(error)}
-    except MalformedFileError as error:
-        return {"malformed": str(error)}
+    drawing = read_rhino(path, DrawingBudget())
     runs, points = (
         [(layer, rows.tolist(), hidden) for layer, rows, hidden in curves] for curves in (drawing.runs, drawing.points)
     )
     return {"runs": runs, "points": points, "layers": drawing.layers, "unit": drawing.unit}
-
-
-def _meshes(kind: str, path: Path) -> tuple[dict[str, Any], Any, Any]:
-    try:
-        mesh = read_rhino_meshes(path, DrawingBudget()) if kind == "meshes" else read_occt(path)
-    except SurfaceError as error:
-        return {"refused": str(error)}, np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-    except MalformedFileError as error:
-        return {"malformed": str(error)}, np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-    return {"unit": mesh.unit, "doubts": mesh.doubts, "content": [*map(asdict, mesh.content)]}, mesh.V, mesh.F
 
 
 def _limit(seconds: int, memory: int) -> None:

@@ -53,7 +53,7 @@ def read_stl(data: bytes, budget: Budget) -> TriangleFile:
         return _read_text(data, budget)
     budget.require_triangles(count)
     if len(data) < announced:
-        raise MalformedFileError(f"{count:,} triangles are announced, and it ends after {(len(data) - HEAD) // EACH:,}")
+        raise MalformedFileError(f"it announces {count:,} triangles, but has only {(len(data) - HEAD) // EACH:,}")
     soup = np.frombuffer(data, _RECORD, count, HEAD)["corners"].astype(np.float64)
     extra_bytes = len(data) - announced
     dropped = (f"{count_phrase(extra_bytes, 'byte')} after the last triangle",) if extra_bytes else ()
@@ -74,9 +74,8 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
             try:
                 numbers.extend(map(float_of, match.groups()))
             except ValueError:
-                raise MalformedFileError(
-                    f"line {_line_number(text, position)} or a later line has a word that is not a number"
-                ) from None
+                line = _line_number(text, position)
+                raise MalformedFileError(f"line {line} or a later line has a word that is not a number") from None
             if len(numbers) % (9 * CHUNK) == 0:
                 budget.require_time()
                 budget.require_triangles(len(numbers) // 9)
@@ -88,7 +87,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     budget.require_triangles(len(numbers) // 9)
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
-    parts = len(_SOLID.findall(text))  # STL calls them solids, but they may be open
+    parts = len(_SOLID.findall(text))  # parts begin with the word solid, but may be open
     counts = Counter({Content("face"): len(numbers) // 9, Content("part"): parts if parts > 1 else 0})
     return TriangleFile(V, F, doubts=doubts, content=contents(counts))
 
@@ -98,8 +97,8 @@ def _line_number(text: str, position: int) -> int:
 
 
 _NAMESPACES = "core materials production beamlattice slice trianglesets".split()  # noqa: SIM905
-"""Words in the names of the parts of 3MF that dsfab reads, or that do not change shapes."""
-_TAKEN = ("model", "surface")  # Types of objects; all other types are supports and other aids of a print.
+"""Words in the names of extensions of 3MF that dsfab reads, or that do not change shapes."""
+_TAKEN = ("model", "surface")  # Types of objects of the model; other types are aids of a print, such as supports.
 _ROOT = re.compile(r"""Target\s*=\s*["']([^"']+\.model)["']""", re.IGNORECASE)
 Key = tuple[str, str]  # The name of a part of the file, and the number of an object in this part.
 
@@ -133,7 +132,7 @@ class _Plate:
     triangles : number of triangles of each object in use, with its components.    counts : counted content."""
 
     def __init__(self, budget: Budget, texts: dict[str, bytes]) -> None:
-        self.budget, self.count, self.open = budget, 0, _Object("")  # the open object is the one that is being read
+        self.budget, self.count, self.open = budget, 0, _Object("")  # `open` is the object that is being read
         self.unit: str | None = None
         self.objects, self.items, self.triangles = dict[Key, _Object](), list[tuple[Key, Floats]](), dict[Key, int]()
         self.counts, self.prefixes, self.unprinted = Counter[Content](), dict[str, str](), list[Key]()
@@ -189,7 +188,7 @@ class _Plate:
         names = [self.prefixes.get(prefix, prefix) for prefix in values.get("requiredextensions", "").split()]
         unknown = [name for name in names if not any(f"/{word}/" in name for word in _NAMESPACES)]
         if unknown:
-            raise MalformedFileError(f"it needs the extension {unknown[0]}, which dsfab does not read; leave that out")
+            raise MalformedFileError(f"it needs the extension {unknown[0]}, which dsfab does not read; remove it")
         if self.part == self.root:
             self.unit = declared_unit(values.get("unit", "millimeter"))
 
@@ -234,8 +233,9 @@ _AID = Content("modifier", "dropped", "or support of its slicer")
 
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
-    """Return the aids of a print that a slicer lists beside the model: by object and component, or by object and "" the
-    first and last triangles [PrusaSlicer: Slic3r_PE_model.config; Bambu Studio, OrcaSlicer: model_settings.config]."""
+    """Return the aids of a print, such as supports, that a slicer lists beside the model. The keys are object and
+    component; or object and "", with the first and the last triangle of each aid [PrusaSlicer: Slic3r_PE_model.config;
+    Bambu Studio, OrcaSlicer: model_settings.config]."""
     aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):
         try:
@@ -250,7 +250,7 @@ def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int,
                         ends = int(part.attrib["firstid"]), int(part.attrib["lastid"])
                         aids.setdefault((thing.attrib["id"], ""), []).append(ends)
         except (ElementTree.ParseError, KeyError, ValueError):
-            continue  # no such list, or an unknown form: all objects are the model
+            continue  # without a readable list, all objects belong to the model
     return aids
 
 
@@ -259,7 +259,7 @@ def _refuse_doctype(*_: object) -> None:
 
 
 def _place(values: dict[str, str]) -> Floats:
-    """Return the transformation (4, 4) of an item or component; 3MF multiplies rows with it, so it is transposed."""
+    """Return the transformation (4, 4) of an item or component, transposed because 3MF multiplies row vectors."""
     place = np.eye(4)
     if "transform" in values:
         place[:3] = np.array([float_of(word) for word in values["transform"].split()]).reshape(4, 3).T

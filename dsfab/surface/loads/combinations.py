@@ -22,7 +22,7 @@ COMBINED = "combined"  # Value of diffusion.follow for all cases at once; no cas
 @dataclass(frozen=True)
 class Combination:
     """A sum of cases: `[[surface.combination]]  name = "uls"  factors = { dead = 1.35, snow = 1.5 }`.
-    factors     : factor on the loads of each case, by its name; a case without a factor takes no part.
+    factors     : factor on the loads of each case, by the name of the case; other cases take no part.
     limit_state : ULS, for stress and buckling; SLS, for displacements; empty for both."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -44,9 +44,9 @@ def case_names(loads: Sequence[Load]) -> list[str]:
 def load_cases(
     surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0
 ) -> dict[str, LoadCase]:
-    """Return the load case of each case name; all have the same supports (see `LoadCase.build`).
-    All have the same `loaded`: the vertices under a concentrated load of any case, because the pattern must carry
-    all of these loads. Raises SurfaceError as `LoadCase.build` does, with the name of the case if there are several."""
+    """Return the load case of each case name; all have the same supports and the same `loaded` (see `LoadCase.build`).
+    `loaded` marks the vertices under a concentrated load of any case, because the pattern must carry all these loads.
+    Raises SurfaceError as `LoadCase.build` does, with the name of the case if there are several."""
     names = case_names(loads)
     if len(names) < 2:
         return {name: LoadCase.build(surface, supports, loads, weight) for name in names or ["load"]}
@@ -91,21 +91,8 @@ PSI: dict[str, Psi] = {
 }
 """psi_0, psi_1, psi_2 of variable actions [EN 1990:2002, Table A1.1]."""
 
-ActionKind = Literal[
-    "permanent",
-    "imposed A",
-    "imposed B",
-    "imposed C",
-    "imposed D",
-    "imposed E",
-    "imposed F",
-    "imposed G",
-    "imposed H",
-    "snow",
-    "snow high",
-    "wind",
-    "temperature",
-]
+_Areas = Literal["imposed A", "imposed B", "imposed C", "imposed D", "imposed E", "imposed F", "imposed G", "imposed H"]
+ActionKind = Literal["permanent", _Areas, "snow", "snow high", "wind", "temperature"]
 
 ACTION_OF_LOAD: dict[str, ActionKind] = {
     "self_weight": "permanent",
@@ -176,10 +163,9 @@ def action_mistakes(
 def en1990_combinations(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule, factors: DesignFactors
 ) -> list[Combination]:
-    """Return all combinations of the load cases, with distinct factors; ultimate limit states come first.
-    Each selection of variable cases gives combinations, with at most one case of mutually exclusive kinds. Each case of
-    the selection is the leading action once. Permanent loads count as favourable only with wind, because all other
-    loads press down."""
+    """Return all combinations of the load cases, with distinct factors; ultimate limit states come first. A combination
+    has any selection of variable cases, with at most one case of kinds that exclude each other. Each selected case is
+    the leading action once. Permanent loads count as favourable only with wind, because all other loads press down."""
     permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
     combinations: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
     for chosen in product(*groups):

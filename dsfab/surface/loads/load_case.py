@@ -24,13 +24,12 @@ class Snow:
 
     s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]. An open sheet carries snow on all faces,
     whatever side their normals point to, so pick only the upper part of an overhanging sheet. On a closed surface only
-    faces that look against `direction` carry snow.
+    faces turned against `direction` carry snow.
 
-    shape   : "mu1" if the pressure is that of snow on the ground, s_k: the slope of each face then gives the shape
-              factor (see `snow_shape_factor`); "" if the pressure has its factor.
+    shape   : "mu1" if `pressure` is the snow load on the ground, s_k, without the shape factor, which then follows
+              from the slope of each face (`snow_shape_factor`); "" if `pressure` includes the factor.
     kind    : "imposed" for people and services on the plan [EN 1991-1-1, 6.3].
-    covered : true if a cover of the openings carries the snow to the ribs; otherwise the snow lies on the ribs alone.
-    """
+    covered : true if a covering carries the snow over openings to the members; else snow lies only on the members."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -65,8 +64,8 @@ class Snow:
 
 
 def snow_shape_factor(slope: Floats) -> Floats:
-    """Return the shape factor mu_1 (m,) of roofs by their slope, degrees [EN 1991-1-3:2003, table 5.2].
-    It is 0.8 up to 30 degrees and 0 from 60 degrees on, where snow slides off; between them it falls evenly."""
+    """Return the shape factor mu_1 (m,) of roofs by their slope, degrees [EN 1991-1-3:2003, table 5.2]. It is 0.8 up to
+    30 degrees, falls linearly up to 60 degrees, and is 0 above, where snow slides off."""
     return np.asarray(0.8 * np.clip((60.0 - slope) / 30.0, 0.0, 1.0))
 
 
@@ -77,12 +76,12 @@ class Wind:
         c = windward (-n . d)   if the outside faces the wind (pressure),
         c = -leeward (n . d)    if the outside faces away (suction).
 
-    Normals n point to the outside; on closed surfaces the outside does not depend on them. The defaults give walls
-    perpendicular to the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1].
-    Towards the sides the coefficients decrease with the cosine. This is a first estimate for choosing a pattern. It
-    omits suction along roofs and side walls, and pressure inside open halls; add these as a `pressure` on picked faces.
+    Normals n point to the outside, which dsfab finds itself on closed surfaces. The defaults give walls perpendicular
+    to the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1]. Towards the
+    sides the coefficients decrease with the cosine. This is a first estimate for choosing a pattern. It omits suction
+    along roofs and side walls, and pressure inside open halls; add these as a `pressure` on picked faces.
 
-    covered : as for snow; an open lattice also has different coefficients [EN 1991-1-4, 7.11]."""
+    covered : see `Snow`; an open lattice also has different coefficients [EN 1991-1-4, 7.11]."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -148,13 +147,12 @@ SPREAD_PARTS = ("weight", "bare", "covered")  # Load parts that act on faces.
 
 @dataclass(frozen=True, eq=False)
 class LoadParts:
-    """Forces at the vertices of a surface, and tractions on its faces; on the uncut surface, the loads cover whole
-    faces.
+    """Forces at the vertices of a surface, and tractions on its faces. Loads of the uncut surface cover whole faces.
 
     point   : (n, 3) newtons: forces and lines.
     weight  : (m, 3) Pa, weight of the sheet itself, in proportion to its material.
     bare    : (m, 3) Pa, loads that act on material alone: snow and wind on an open lattice.
-    covered : (m, 3) Pa, loads that also act on openings with a cover: glass, a membrane, boards."""
+    covered : (m, 3) Pa, loads that also act on openings with a covering: glass, a membrane, boards."""
 
     point: Floats
     weight: Floats
@@ -171,11 +169,8 @@ class LoadParts:
     def total(cls, parts: Mapping[str, Self], factors: Mapping[str, float]) -> Self:
         """Return the sum of the parts of several cases, each multiplied by its factor."""
         weight = {name: factors.get(name, 0.0) for name in parts}
-        sums = (
-            np.sum([f * getattr(parts[k], part) for k, f in weight.items()], axis=0)
-            for part in ("point", *SPREAD_PARTS)
-        )
-        return cls(*sums)
+        names = ("point", *SPREAD_PARTS)
+        return cls(*(np.sum([f * getattr(parts[k], part) for k, f in weight.items()], axis=0) for part in names))
 
     @property
     def traction(self) -> Floats:
@@ -190,11 +185,10 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the parts with `weight` and `bare` multiplied by shares of the material, numbers or arrays (m,)."""
+        """Return the parts with `weight` and `bare` multiplied by remaining shares of material, numbers or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
-        return replace(
-            self, **{part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
-        )
+        scaled = {part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
+        return replace(self, **scaled)
 
 
 @dataclass(frozen=True)
@@ -220,11 +214,9 @@ class Force:
 
 @dataclass(frozen=True)
 class Pressure:
-    """A pressure in pascals on the faces whose corners are all picked; positive presses against their normals.
-
+    """A pressure in pascals on the faces whose corners are all picked; a positive pressure acts against their normals.
     A constant pressure gives each corner a third of its face's force: the consistent load of linear triangles.
-
-    covered : true if a cover of the openings carries the pressure to the ribs (see `Snow`)."""
+    covered : true if a covering carries the pressure over openings to the members (see `Snow`)."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -273,9 +265,9 @@ class SelfWeight:
 
 @dataclass(frozen=True)
 class Cladding:
-    """The weight of a cover (glass, membrane, boards): a permanent load in pascals per area of the surface itself. It
-    acts along `direction` (any length) on faces with all corners picked. Over openings, the cover carries it to the
-    ribs."""
+    """The weight of a covering (glass, membrane, boards): a permanent load in pascals per area of the surface itself.
+    The load acts along `direction` (any length) on faces with all corners picked. Over openings, the covering carries
+    its weight to the members."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -390,9 +382,7 @@ class LoadCase:
     @classmethod
     def build(cls, surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0) -> Self:
         """Return the load case of all supports and loads together.
-
         weight : of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
-
         Raises SurfaceError without a support or a load, for pickers without vertices, for loads that are zero, and for
         loads that act only in fixed directions."""
         if not supports:
@@ -416,7 +406,7 @@ class LoadCase:
                 loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
         spring = np.sum([support.springs(surface) for support in supports], axis=0)
         clamped = np.logical_or.reduce([support.clamped_edges(surface) for support in supports])
-        # a free edge between supported ends is supported, because elements may have nodes in its middle
+        # a free edge with supported ends is supported, because elements may have nodes in the middle of edges
         between = fixed[surface.edges.ends].all(axis=1) & surface.edges.boundary[:, None]
         between = np.logical_or.reduce([between, *(support.fixed_edges(surface) for support in supports)])
         return cls(fixed, force, loaded, spring, clamped, between, load_parts(surface, loads, weight))
@@ -436,11 +426,11 @@ class LoadCase:
         return replace(self, force=force, loaded=self.loaded if loaded is None else loaded, parts=None)
 
     def with_parts(self, surface: Surface, parts: LoadParts) -> Self:
-        """Return the same supports with these parts of loads."""
+        """Return the same supports with other loads, given in parts."""
         return replace(self, force=parts.forces(surface), parts=parts)
 
     def with_loads(self, surface: Surface, loads: Sequence[Load], weight: float) -> Self:
-        """Return the same supports with these loads; `weight` of the sheet, newtons per square metre."""
+        """Return the same supports with other loads; `weight` of the sheet, newtons per square metre."""
         return self.with_parts(surface, load_parts(surface, loads, weight))
 
     def of_thickness(self, surface: Surface, share: float) -> Self:

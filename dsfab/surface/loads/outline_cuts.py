@@ -53,13 +53,12 @@ class OutlinedSurface:
         stay = np.delete(s.F, faces, axis=0)
         fans = [np.column_stack([s.F[faces, i], s.F[faces, (i + 1) % 3], centre_vertices]) for i in range(3)]
         grown = Surface(np.concatenate([s.V, places]), np.concatenate([stay, *fans]))
-        return OutlinedSurface(
-            grown, np.append(self.on, np.full(count, on_line)), np.append(self.fixed, np.zeros(count, dtype=bool))
-        )
+        fixed = np.append(self.fixed, np.zeros(count, dtype=bool))
+        return OutlinedSurface(grown, np.append(self.on, np.full(count, on_line)), fixed)
 
 
 class EdgeCrossings(NamedTuple):
-    """Crossings of edges (k,), ascending, with the line: `share` (k,), 0 to 1 along the edge, and points (k, 3)."""
+    """Points (k, 3) at which the line crosses edges (k,), ascending, at `share` (k,), 0 to 1 along the edge."""
 
     edge: Ints
     share: Floats
@@ -68,7 +67,7 @@ class EdgeCrossings(NamedTuple):
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
     """Return the points at which the line crosses edges, by bisection. The ends of such an edge are on opposite sides.
-    An edge that starts on the line and first runs on the wrong side also crosses the line."""
+    An edge with one end on the line also crosses the line if it begins on the side opposite to its other end."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -93,8 +92,8 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the share (k,) of edges, from their end (0 or 1) on the line, that is on the wrong side; or 0.
-    sign : (k,) side of the opposite end, the right side."""
+    """Return the share (k,) of each edge that lies opposite to its far end. Its near `end` (0 or 1) is on the line.
+    sign : (k,) side of the far end."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
     for t in np.arange(1, TEST_POINTS + 1) / (TEST_POINTS + 1):
@@ -141,7 +140,7 @@ def _shares(corners: Floats, place: Floats) -> Floats:
 
 
 def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[OutlinedSurface, int]:
-    """Move each vertex close to the line along one of its edges onto the line; return also their number."""
+    """Move vertices close to the line along an edge onto the line; return also the number of moved vertices."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, size = s.edges.ends[crossed.edge], s.edge_lengths[crossed.edge]
     vertex = np.concatenate([ends[:, 0], ends[:, 1]])
@@ -165,9 +164,9 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
-    """Return which vertices (k,) may move to places (k, 3).
-    Such a vertex is not fixed, and its move must not change the shape of the surface or its boundary. Vertices at
-    creases stay: a move is refused if the sine of its angle with a face exceeds 0.2. tolerance : metres."""
+    """Return which vertices (k,) may move to places (k, 3) without a change of the surface's shape or boundary.
+    Fixed vertices and vertices on creases stay: the sine of the angle between a move and a face may be 0.2 at most.
+    tolerance : metres."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -216,11 +215,9 @@ def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> Outlined
 
 def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurface:
     """Return the surface with edges along the line in which an extent meets it; its old vertices come first.
-
     fixed : (n,) vertices on earlier outlines, which stay in place.
-
-    Corners of the line are vertices; edges follow its curves within `LINE_TOLERANCE`. Raises SurfaceError for a line
-    so fine that it needs too many faces."""
+    Corners of the line are vertices; edges follow its curves within `LINE_TOLERANCE`. Raises SurfaceError for a line so
+    fine that it needs too many faces."""
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
     outlined = with_corners(_refine(outlined, extent, _coarse_edges), extent)
     outlined = replace(outlined, on=outlined.on | (np.abs(extent.depth(outlined.surface.V)) <= 1e-9 * surface.size))
@@ -235,13 +232,9 @@ def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurf
     edges[crossed.edge] = True
     outlined = outlined.with_halved_edges(edges, crossed.place)
     stays = outlined.surface.edges.ends[_outline_edges(outlined, extent)]
-    outlined = replace(
-        outlined,
-        surface=with_flipped_edges(
-            outlined.surface, outlined.on | outlined.fixed, stays, LINE_TOLERANCE * extent.width
-        ),
-    )
-    return _divide_flat_faces(outlined, extent)
+    may_change, tolerance = outlined.on | outlined.fixed, LINE_TOLERANCE * extent.width
+    flipped = with_flipped_edges(outlined.surface, may_change, stays, tolerance)
+    return _divide_flat_faces(replace(outlined, surface=flipped), extent)
 
 
 def _outline_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
@@ -267,7 +260,7 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) near the line that are longer than the extent is wide, as they could miss it."""
+    """Return the edges (e,) near the line that are longer than the width of the extent, and so could miss it."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -291,9 +284,8 @@ def _uneven_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
     marks[near_edges] = _turns_back(depths)
     faces, distance = _chords(outlined, extent)
     marks[s.edges.of[faces[distance > even]]] = True
-    marks |= (
-        outlined.on[ends].all(axis=1) & _border_edges(s, extent) & (np.abs(extent.depth(s.V[ends].mean(axis=1))) > even)
-    )
+    is_bent = np.abs(extent.depth(s.V[ends].mean(axis=1))) > even
+    marks |= outlined.on[ends].all(axis=1) & _border_edges(s, extent) & is_bent
     return np.asarray(marks & (size > 2 * even))
 
 
@@ -327,7 +319,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces with all corners on lines: depths of 0 at all corners do not tell on which side a face is."""
+    """Divide faces with all corners on lines, because depths of 0 at all corners do not show the side of a face."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

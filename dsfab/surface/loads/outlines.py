@@ -1,5 +1,4 @@
-"""Pickers by an outline: polygon in plan, closed curves of a drawing, brush stroke; and `Picker`, the type of all
-pickers."""
+"""Pickers by an outline: polygon, curves of a drawing, brush stroke; and `Picker`, the type of all pickers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -116,9 +115,7 @@ class OutlineError(SurfaceError, ValueError):
 @dataclass(frozen=True)
 class PlanPolygon:
     """The space inside a polygon seen from above: `{ pick = "plan", polygon = [[0, 0], [2, 0], [2, 1]] }`.
-
-    polygon : its corners, x and y, metres.    low, high : limits on z, metres; by default none.
-
+    polygon : corners, x and y, metres.    low, high : limits on z, metres; by default none.
     Raises OutlineError for a polygon that has no area or crosses itself, and for heights in the wrong order."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -145,9 +142,8 @@ class PlanPolygon:
         floor, roof = max(low, z.min() - room), min(high, z.max() + room)
         levels = [level for level in (self.low, self.high) if level is not None]
         uprights = [((*p, floor), (*p, roof)) for p in P[bend_corners(P)]]
-        around = [
-            ((*p, level), (*q, level)) for level in levels for p, q in zip(P, np.roll(P, -1, axis=0), strict=True)
-        ]
+        sides = list(zip(P, np.roll(P, -1, axis=0), strict=True))
+        around = [((*p, level), (*q, level)) for level in levels for p, q in sides]
         return Extent(depth, np.array([*uprights, *around]).reshape(-1, 2, 3), _width(P))
 
     def vertices(self, surface: Surface) -> Bools:
@@ -306,8 +302,8 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return the depth of the prism to both sides, from lines of sight through the curves. Each line first meets
-        the nearest part of the surface. The prism ends halfway between this part and the next part."""
+        """Return the depth of the prism to both sides. Lines of sight through the curves first meet the nearest part of
+        the surface. The prism ends halfway between this part and the next part."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():
@@ -322,7 +318,7 @@ class _Plane:
         if not nearest_hits:
             return -np.inf, np.inf
         lowest, highest = min(nearest_hits), max(nearest_hits)
-        below, above = ([hit for hit in behind if hit < lowest], [hit for hit in behind if hit > highest])
+        below, above = [hit for hit in behind if hit < lowest], [hit for hit in behind if hit > highest]
         low = (max(below) + lowest) / 2 if below else -np.inf
         return low, (min(above) + highest) / 2 if above else np.inf
 
@@ -354,7 +350,7 @@ Picker = Annotated[
 
 
 def has_outline(picker: Picker) -> bool:
-    """Return whether a picker stands for a part of space, so that a line bounds its region."""
+    """Return whether a picker stands for a part of space, whose outline bounds the picked region."""
     return isinstance(picker, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(
         picker, "boundary", False
     )
@@ -376,10 +372,10 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 
 
 def edges_of(picker: Picker, surface: Surface) -> Bools:
-    """Return the edges (e,) of a picker, for its picked vertices; raises SurfaceError as the picker does.
-    A picker of the boundary has free edges only. A part of space, or a direction of normals, has the edges with both
-    ends inside. Outlines may be concave, so the middles of their edges must also be inside. Named vertices have the
-    edges that they span (`spanned_edges`)."""
+    """Return the edges (e,) of a picker, for its picked vertices; raises SurfaceError as the picker does. A picker of
+    the boundary has free edges only. A part of space, or a direction of normals, has the edges with both ends inside.
+    In an outline, which may be concave, the middles of edges must also be inside. Named vertices have the edges that
+    they span (`spanned_edges`)."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):
         return picker.edges(surface)

@@ -21,7 +21,7 @@ from dsfab.surface.topology import on_boundary
 class Extent:
     """A part of space.
     depth   : function that returns how deep (k,) points (k, 3) are inside, metres; negative outside.
-    creases : (c, 2, 3) segments along which the walls of the part bend; its line on a surface has corners there.
+    creases : (c, 2, 3) segments along which the walls of the part bend; the outline on a surface has corners there.
     width   : metres, about half the width of the part at slender places; the mesh must be finer."""
 
     depth: Callable[[Floats], Floats]
@@ -37,11 +37,8 @@ class Extent:
         if len(extents) == 1:
             return extents[0]
         creases = np.concatenate([extent.creases for extent in extents])
-        return cls(
-            lambda P: np.max([extent.depth(P) for extent in extents], axis=0),
-            creases,
-            min(extent.width for extent in extents),
-        )
+        width = min(extent.width for extent in extents)
+        return cls(lambda P: np.max([extent.depth(P) for extent in extents], axis=0), creases, width)
 
     @classmethod
     def ball(cls, center: Floats, radius: float) -> "Extent":
@@ -79,15 +76,8 @@ def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]
     safe = np.where(np.abs(volume) > least, volume, np.inf)
     u_share, side = np.einsum("mi,mi->m", to, normal) / safe, cross(to, u)
     v_share, t = np.einsum("mi,mi->m", ray, side) / safe, np.einsum("mi,mi->m", v, side) / safe
-    met = (
-        np.isfinite(safe)
-        & (u_share >= inside)
-        & (v_share >= inside)
-        & (u_share + v_share <= 1 - inside)
-        & (t >= 0)
-        & (t <= 1)
-    )
-    faces = np.flatnonzero(met)
+    in_face = (u_share >= inside) & (v_share >= inside) & (u_share + v_share <= 1 - inside)
+    faces = np.flatnonzero(np.isfinite(safe) & in_face & (t >= 0) & (t <= 1))
     order = np.argsort(t[faces], kind="stable")
     return faces[order], t[faces[order]]
 
@@ -146,9 +136,8 @@ class Box:
 
 @dataclass(frozen=True)
 class Ball:
-    """The vertices within `radius` of `center`, metres.
-    relative : true if the centre is in shares of the surface's box, 0 to 1 along each axis, and the radius is a share
-               of its diagonal."""
+    """The vertices within `radius` of `center`, metres. relative : true if the centre is in shares of the surface's
+    box, 0 to 1 along each axis, and the radius is a share of the box's diagonal."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     center: Vector
@@ -215,8 +204,8 @@ class Nearest:
 class Boundary:
     """The vertices of all free edges, of one boundary loop, or of a part of a loop.
     loop   : number of the loop: 0 is the longest in metres, 1 the next.
-    points : places (metres) near free edges, in place of a number: one for the loop that passes nearest to it; three
-             for the part of this loop from the first place, past the second, to the third."""
+    points : places (metres) near free edges, in place of a number. One place picks the nearest loop. Three places pick
+             the part of this loop from the first place, past the second, to the third."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     loop: Literal["all"] | Annotated[int, Ge(0)] = "all"

@@ -28,7 +28,7 @@ class RegionError(SurfaceError, ValueError):
 class PatternRegion:
     """A part of the surface with its own treatment.
 
-    at    : its picker. A line bounds the region of the pickers plan, curve, brush, ball, box and side. For any other
+    at    : picker of the region. The pickers plan, curve, brush, ball, box and side bound it by a line. For any other
             picker, the edge is halfway between picked and unpicked vertices.
     do    : keep, the region is solid; void, it is empty; rim, it has a solid band inside its edge.
     width : of the band, metres along the surface; by default the width in pattern.rim, else 1/8 of the region's width.
@@ -52,8 +52,8 @@ class PatternRegion:
             )
 
     def faces(self, surface: Surface) -> Bools:
-        """Return the faces (m,) in the region, of a surface that is cut along its outline (see `with_regions`).
-        Raises SurfaceError as its picker does."""
+        """Return the faces (m,) in the region, of a surface that is cut along its outline (see `with_regions`). Raises
+        SurfaceError as the picker does."""
         extent = extent_of(self.at, surface)
         return surface.faces_of(self.at.vertices(surface)) if extent is None else extent.depth(surface.centroids) > 0
 

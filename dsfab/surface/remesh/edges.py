@@ -109,17 +109,16 @@ class Net:
         if used.all():
             return self
         index = np.cumsum(used) - 1
-        faces = NetFaces(index[self.F])
-        return replace(
-            self, V=self.V[used], faces=faces, kind=self.kind[used], node=index[self.node], size=self.size[used]
-        )
+        V, kind, size = self.V[used], self.kind[used], self.size[used]
+        return replace(self, V=V, faces=NetFaces(index[self.F]), kind=kind, node=index[self.node], size=size)
 
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
-    """Return the candidates (c,) that cost less than all candidates near them, so that no two results share a vertex.
-    touched : (c, k) vertices of each candidate.   cost : (c,), rounded to eight levels: exact costs that rise along a
-              strip would select its end only. A hash orders each level [Knuth 1973, multiplicative hashing].
-    edges   : (e, 2) edges of the mesh; with these, no two candidates touch neighbouring vertices either."""
+    """Return which candidates (c,) cost less than all candidates near them. Two results never share a vertex.
+    touched : (c, k) vertices of each candidate.
+    cost    : (c,), rounded to eight levels, because exact costs that rise along a strip would select only its end. A
+              hash gives the order within a level [Knuth 1973, multiplicative hashing].
+    edges   : (e, 2) edges of the mesh; if given, two results never touch neighbouring vertices either."""
     if not len(cost):
         return np.zeros(0, dtype=bool)
     spread = np.ptp(cost)
@@ -128,7 +127,7 @@ def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) 
     return leading_candidates(order, touched, n, edges)
 
 
-LONGEST = 4 / 3  # A longer edge is halved; ratio to the wanted length [Botsch and Kobbelt 2004].
+LONGEST = 4 / 3  # Edges longer than this multiple of their wanted length are halved [Botsch and Kobbelt 2004].
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
@@ -144,9 +143,9 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return the long edges (e,) with at least 70 % of the length of their faces' longest edge. In a needle-shaped face
-    (2 area / longest edge^2 below 0.35; 0.87 if equilateral) only the longest edge counts, because halving both long
-    edges would leave further needles."""
+    """Return the long edges (e,) with at least 70 % of the length of the longest edge of each of their faces. In
+    needle-shaped faces (2 area / longest edge^2 below 0.35; 0.87 if equilateral) only the longest edge counts. Halving
+    both long edges would leave further needles."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -158,7 +157,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Divide marked edges (e,): edges along curves at positions (l,) on the axis, others (or at nan) in the middle."""
+    """Divide marked edges (e,) in the middle; along curves at positions (l,) on the axis, if these are not nan."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -166,9 +165,8 @@ def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions
     link = net.link_edges
     is_split = halves[link]
     before = net.links[is_split]
-    positions = np.where(
-        np.isnan(split_positions[is_split]), (net.at[before] + net.at[before + 1]) / 2, split_positions[is_split]
-    )
+    middle = (net.at[before] + net.at[before + 1]) / 2
+    positions = np.where(np.isnan(split_positions[is_split]), middle, split_positions[is_split])
     vertex = (np.cumsum(halves) - 1 + net.n)[link[is_split]]
     kind[vertex] = ON_CURVE
     V[vertex] = curves.place(positions)
@@ -184,7 +182,7 @@ def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions
     )
 
 
-SHORTEST = 4 / 5  # A shorter edge is collapsed; ratio to the wanted length [Botsch and Kobbelt 2004].
+SHORTEST = 4 / 5  # Edges shorter than this share of their wanted length are collapsed [Botsch and Kobbelt 2004].
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,8 +212,8 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
     """Return collapses of short edges that preserve topology and curves, and their costs (c,). A free vertex may merge
-    with any vertex, two free vertices merge at their middle. A vertex on a curve moves only along the curve, a fixed
-    vertex never."""
+    with any vertex; two free vertices merge at their middle. A vertex on a curve moves only along the curve, and a
+    fixed vertex never moves."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -292,10 +290,8 @@ def _merge_vertices(net: Net, collapses: _Collapses) -> Net:
     target, gone = collapses.kept[free], collapses.gone[free]
     size[target] = (size[target] + size[gone]) / 2
     stays = ~np.isin(net.node, collapses.gone)
-    F = contracted_faces(net.F, onto)
-    return replace(
-        net, V=V, faces=NetFaces(F), size=size, node=net.node[stays], at=net.at[stays], curve=net.curve[stays]
-    )
+    faces, node, curve = NetFaces(contracted_faces(net.F, onto)), net.node[stays], net.curve[stays]
+    return replace(net, V=V, faces=faces, size=size, node=node, at=net.at[stays], curve=curve)
 
 
 LEAST_ANGLE = np.radians(25)  # A flip must not reduce the least angle below this value.
@@ -325,10 +321,10 @@ def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
 def _valence_gain(net: Net, quad: Ints) -> Floats:
     edges = net.edges
     valence = np.bincount(edges.ends.ravel(), minlength=net.n)
-    ideal = np.where(net.kind == FREE, 6, valence)
-    ideal[(net.kind > FREE) & (net.kind < FIXED)] = 6
-    ideal[on_boundary(edges, net.n) & (net.kind < FIXED)] = 4
-    excess, free = valence - ideal, net.kind < FIXED
+    free = net.kind < FIXED
+    ideal = np.where(free, 6, valence)
+    ideal[on_boundary(edges, net.n) & free] = 4
+    excess = valence - ideal
     decrease = np.where(free, 2 * excess - 1, 0)  # excess^2 - (excess - 1)^2
     increase = np.where(free, -2 * excess - 1, 0)
     a, b, c, d = quad.T
@@ -347,7 +343,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return which edges (q,) may flip: faces turn up to 37 degrees; least angles grow or exceed `LEAST_ANGLE`."""
+    """Return which edges (q,) may flip: faces turn by up to 37 degrees; least angles grow or exceed `LEAST_ANGLE`."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))
@@ -394,15 +390,15 @@ def with_ears_flipped(surface: Surface) -> Surface:
 
 
 def without_rim_slivers(surface: Surface) -> Surface:
-    """Return the surface without faces on a border edge that are lower than the share `TOLERANCE` of it.
-    Triangulations of points near a border have such faces. Their normals are rounding, so nothing collapses them, and a
-    sheet there seems to bend sharply. The border then passes through the third corner, which was an inner vertex."""
+    """Return the surface without border faces whose height is below `TOLERANCE` times their border edge. Triangulations
+    of points near a border have such faces. Their normals are mere rounding errors, so nothing collapses these faces,
+    and the sheet seems to bend sharply. The border then passes through the third corner, an inner vertex before."""
     V, F, edges = surface.V, surface.F, surface.edges
     bare = edges.boundary[edges.of].reshape(-1, 3)
     side = bare.argmax(axis=1)  # from corner `side` to the next
     a, b, tip = (F[np.arange(len(F)), (side + k) % 3] for k in range(3))
     base = edge_lengths(V, np.stack([a, b], axis=1))
-    low = 2 * surface.areas < TOLERANCE * base**2  # by shape only: low even faces around a fine hole stay
+    low = 2 * surface.areas < TOLERANCE * base**2  # a ratio, so that small even faces around a hole stay
     low &= (bare.sum(axis=1) == 1) & ~on_boundary(edges, surface.n)[tip]
     low &= (angles_at(V, a, b, tip) < np.pi / 2) & (angles_at(V, b, a, tip) < np.pi / 2)
     chosen = np.flatnonzero(low)

@@ -41,9 +41,9 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 
 def design_features(surface: Surface, edge: float) -> Bools:
-    """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise.
-    Normals on both sides of a crease are averaged over the new `edge`, metres. In a scan, twice its mean edge counts,
-    the width of noise. Only slight creases below twice this length go, because a longer one is a step of the design."""
+    """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise. The bend of a
+    crease is the angle between the mean normals on its two sides. The mean covers `edge`, metres, or in a scan two mean
+    edges, the width of noise. Slight creases longer than twice this width stay, as steps of the design."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)

@@ -44,7 +44,7 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
     """Return unit vectors (k, 3) from the origin to the farthest of the points x (n, 3).
-    count : least number of points; further points at the same distance as the last of them are included."""
+    count : least number of points; all points as far away as the last of these are included."""
     distance = lengths(x)
     farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
@@ -76,11 +76,9 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20
-"""Largest distance between a surface and its mirror image, over the edge length. Coordinates in files are rounded."""
-ROUND_ANGLES = (0.7, 1.9)  # Radians. A surface with mirrors at these angles to the first is round; two then suffice.
-MOST_SIDES = 16
-"""Largest number of mirrored sectors around an axis, 22.5 degrees each. If there are more, dsfab uses two mirrors."""
+IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, over the edge length; files round coordinates.
+ROUND_ANGLES = (0.7, 1.9)  # Radians. A surface is round if it also has mirrors at these angles to the first mirror.
+MOST_SIDES = 16  # Largest number of mirrored sectors around an axis; a surface with more sectors gets two mirrors.
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +101,7 @@ class Mirrors:
         look = _MirrorTest(nearest_on.surface, nearest_on, edge, smooth)
         group, normals = np.eye(3)[None], list[Floats]()
         for normal in _candidate_mirrors(look):
-            with suppress(OverflowError):  # each plane fits nearly, but the planes contradict each other
+            with suppress(OverflowError):  # planes that fit nearly may contradict each other
                 group, normals = _mirror_group([*normals, normal], 2 * MOST_SIDES), [*normals, normal]
         if not normals:
             return None
@@ -197,9 +195,8 @@ def _mirrors_around(look: _MirrorTest, axis: Floats) -> list[Floats]:
     x = x - np.outer(x @ axis, axis)
     directions = far_directions(x, look.surface.size)
     normals = [*directions[:1], *np.cross(axis, directions[:1]), *planes_through(axis, directions)]
-    normals += [
-        np.cross(axis, unit) / np.linalg.norm(np.cross(axis, unit)) for unit in np.eye(3) if abs(unit @ axis) < 0.9
-    ]
+    crosses = (np.cross(axis, unit) for unit in np.eye(3) if abs(unit @ axis) < 0.9)
+    normals += [normal / np.linalg.norm(normal) for normal in crosses]
     while normals and not look.holds(normals[0]):
         normals = normals[1:]
     if not normals:
@@ -222,8 +219,7 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3
-"""Distance, over the edge length, up to which a vertex lies on a mirror plane, and two images are one vertex."""
+PLANE_TOLERANCE = 1e-3  # Largest distance of a vertex on a mirror plane, or of two equal images, over the edge length.
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +233,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part on the side of a weighted sum of all vertices. This choice rotates with the surface."""
+        """Return the part on the side of a weighted sum of all vertices, which rotates with the surface."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
@@ -259,14 +255,14 @@ class Chamber:
     def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
         """Move points V (p, 3) into their planes (k, p)."""
         moved = V.copy()
-        for _ in range(2 * len(self.toward)):  # repeat this, because several planes may meet at a point
+        for _ in range(2 * len(self.toward)):  # repeated, because planes may meet at a point
             for normal, in_plane in zip(self.toward, planes, strict=True):
                 moved[in_plane] -= np.outer((moved[in_plane] - self.mirrors.centre) @ normal, normal)
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the row in V (n,) of the
-        original of each vertex. None if the topology or the length of the boundary would change."""
+        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the index (n,) in V of each
+        vertex's original. None if the topology or the length of the boundary would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]
@@ -278,9 +274,8 @@ class Chamber:
         order = np.argsort(first_image)
         number = np.empty(count, dtype=np.int64)
         number[order] = np.arange(count)
-        surface = Surface(
-            every[first_image[order]], number[label[np.concatenate([f + k * n for k, f in enumerate(faces)])]]
-        )
+        image_faces = np.concatenate([f + k * n for k, f in enumerate(faces)])
+        surface = Surface(every[first_image[order]], number[label[image_faces]])
         return (surface, first_image[order] % n) if self._is_like_whole(surface) else None
 
     def _is_like_whole(self, surface: Surface) -> bool:
@@ -292,7 +287,7 @@ class Chamber:
         if surface.edges.count.max() > 2 or facts(surface) != facts(original):
             return False
         new_length, old_length = (float(s.edge_lengths[s.edges.boundary].sum()) for s in (surface, original))
-        return abs(new_length - old_length) <= 0.05 * old_length  # chords are shorter than curves
+        return abs(new_length - old_length) <= 0.05 * old_length  # new chords may be shorter
 
 
 def _positive_side(x: Floats, F: Ints, normal: Floats, tolerance: float) -> tuple[Floats, Ints] | None:

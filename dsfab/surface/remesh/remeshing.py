@@ -163,7 +163,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the smallest wanted edge length (k,) of all fields at points (k, 3), metres, by trees of their meshes."""
+    """Return the smallest wanted edge length (k,) of all fields at points (k, 3), metres. trees : of their meshes."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:
@@ -192,19 +192,13 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
     if not (np.isfinite(finest) and 0 <= finest <= edge):
         raise SurfaceError(f"the finest edge, {finest} m, must lie between 0 and the edge, {edge:g} m")
     if edge > surface.size:
-        raise SurfaceError(
-            f"edges of {edge:g} m are longer than the surface, {surface.size:.3g} m; use shorter edges, in metres"
-        )
+        raise SurfaceError(f"edges of {edge:g} m are longer than the surface, {surface.size:.3g} m; use shorter edges")
     if len(twice := duplicate_faces(surface.F)):
-        raise SurfaceError(
-            f"{len(twice)} faces repeat an earlier face (first: {first_few(twice)}); remove them to remesh"
-        )
+        raise SurfaceError(f"{len(twice)} faces repeat an earlier face (first: {first_few(twice)}); remove them")
     crowded = np.flatnonzero(surface.edges.count > 2)
     if len(crowded):
         where = named_edges(crowded, surface.edges)
-        raise SurfaceError(
-            f"{len(crowded)} edges have more than two faces (first: {where}); split the surface there to remesh it"
-        )
+        raise SurfaceError(f"{len(crowded)} edges have more than two faces (first: {where}); split the surface there")
 
 
 def _check_count(sizes: SizeField, finest: float) -> None:

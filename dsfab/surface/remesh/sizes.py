@@ -40,9 +40,7 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
 
 def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) -> Floats:
     """Return edge lengths (n,), metres, from `finest` to `edge`, along which a field changes by `CHANGE_PER_EDGE`.
-
     field : (m, 3, 3) tensors in the planes of the faces.
-
     The change along an edge is the difference of the mean tensors around its ends [means: Zienkiewicz and Zhu 1987],
     after rotation into one tangent plane. The squared gradient at a vertex is twice the mean square of the slopes of
     all edges around the vertex."""
@@ -59,22 +57,14 @@ def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) ->
 def _at_vertices(surface: Surface, field: Floats) -> Floats:
     corner = surface.F.ravel()
     weighted = np.repeat(surface.areas[:, None, None] / 3 * field, 3, axis=0)
-    carried = _transported_tensors(
-        weighted, np.repeat(surface.normals, 3, axis=0), surface.vertex_normals[corner]
-    ).reshape(-1, 9)
+    normals = np.repeat(surface.normals, 3, axis=0)
+    carried = _transported_tensors(weighted, normals, surface.vertex_normals[corner]).reshape(-1, 9)
     total = np.stack([np.bincount(corner, x, minlength=surface.n) for x in carried.T], axis=1)
     return np.asarray(total / np.maximum(surface.vertex_areas, np.finfo(float).tiny)[:, None]).reshape(-1, 3, 3)
 
 
-def _half_edges(surface: Surface, shared: Ints) -> tuple[Ints, Ints]:
-    starts = surface.edges.start[shared]
-    order: Ints = surface.edges.order
-    return order[starts], order[starts + 1]
-
-
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return, for each vertex, the sum (n, k) of edge values (e, k) around it and its neighbours, divided by the
-    area of these vertices."""
+    """Return the sum (n, k) of edge values (e, k) around each vertex and its neighbours, divided by their area."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -90,7 +80,8 @@ def _transported_tensors(tensors: Floats, normal: Floats, onto: Floats) -> Float
 
 def _bends(surface: Surface, shared: Ints) -> Floats:
     """Return the angles (s,) between the two faces at each edge (s,), radians, positive at convex edges."""
-    h0, h1 = _half_edges(surface, shared)
+    starts = surface.edges.start[shared]
+    h0, h1 = surface.edges.order[starts], surface.edges.order[starts + 1]
     a, b = surface.normals[h0 // 3], surface.normals[h1 // 3]
     across = surface.V[surface.F[h1 // 3, (h1 + 2) % 3]] - surface.V[surface.F.ravel()[h0]]
     angle = np.arctan2(lengths(np.cross(a, b)), np.einsum("ei,ei->e", a, b))
@@ -103,8 +94,8 @@ CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of the chords of a curve, 
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with graded edge lengths, metres.
-    They are at most `base` (n,), or a number, and less at bends of curves (`chords` (p,)) and in narrow places."""
+    """Return the net with graded wanted edge lengths, metres: at most `base` (n,), or a number. The lengths are smaller
+    at bends of curves, `chords` (p,), and in narrow places."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge
@@ -133,9 +124,8 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
     """Return lists of vertices (k,) at narrow places, the width (k,) of the surface there, metres, and its slope (k,).
-    The width is the length of an edge between two curves or corners, or the height of a face between two curves. A
-    face in the angle of a corner does not count, because it is narrow at any edge length. `_slopes` defines the slope.
-    """
+    The width is the length of an edge between two curves or corners, or the height of a face between two curves. A face
+    in the angle of a corner does not count, because it is narrow at any edge length. `_slopes` defines the slope."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -160,12 +150,10 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
-    """Return the slopes (k,) at which pairs of curves diverge from their common corner; 0 without a common corner.
-
-    The slope is the width (k,) between two vertices, metres, over their distance from the corner along the curves.
-
-        corner <   ---- at a slope of 0.3 the surface is 0.3 edges wide at an edge's length from the corner: such edges
-                        fill it from there on; nearer to the corner, edges would become shorter without end"""
+    """Return the slopes (k,) at which pairs of curves diverge from their common corner; 0 without a common corner. The
+    slope is the width (k,) between two vertices, metres, over their distance from the corner along the curves. At a
+    slope of 0.3, the surface is 0.3 edges wide at one edge's length from the corner, and such edges fill the width.
+    Nearer to the corner, edges would become shorter without end."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):
@@ -177,8 +165,8 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
-    """Return the corners (n, 2) at both ends of each vertex's curve, or -1, and the distances (n, 2) to them along it.
-    The distances are in metres. Both corners of a corner vertex are the vertex itself."""
+    """Return the corners (n, 2) at both ends of each vertex's curve, -1 without a curve, and their distances (n, 2)
+    along the curve, metres. A vertex that is a corner is both of its corners."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):

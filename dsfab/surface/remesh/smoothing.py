@@ -50,9 +50,8 @@ def barycentric(P: Floats, place: Floats) -> Floats:
 
 
 def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
-    """Return two control points of each edge (m, 6, 3) of triangles P (m, 3, 3). Points at thirds of the edge are
-    moved into the tangent planes at its ends, with normals (m, 3, 3). On `straight` edges (m, 3) they stay on the edge.
-    """
+    """Return two control points of each edge (m, 6, 3) of triangles P (m, 3, 3). Points at thirds of the edge are moved
+    into the tangent planes at its ends, with normals (m, 3, 3). On `straight` edges (m, 3) they stay on the edge."""
     controls = np.empty((len(P), 6, 3))
     for k, ends in enumerate(CORNERS):
         for end, (i, j) in enumerate((ends, ends[::-1])):

@@ -1,6 +1,6 @@
 """Surfaces by formula: shapes with exact results for tests, and models that resemble those of the paper.
 
-`SHAPES` lists them by name for presets. All are deterministic, in metres with z up and normals up or outward.
+`SHAPES` lists the shapes by name. All are deterministic, in metres with z up and normals up or outward.
 Triangles are nearly equilateral and about `edge` metres wide. They form staggered rows, rings or a subdivided
 icosahedron, because stripes would follow the parallel diagonals of a grid."""
 

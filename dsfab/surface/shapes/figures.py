@@ -40,11 +40,8 @@ def _above_ground(field: Field, k: float) -> Field:
 
 @shape
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
-    """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0.
-
-    If edges are longer than the widths of its details, the shape has no mouth, nostrils and hollow ears, and its ears
-    are thicker.
-
+    """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0. If edges are
+    longer than the widths of its details, the shape has no mouth, nostrils and hollow ears, and its ears are thicker.
     height : from the boundary to about the tips of the ears, metres."""
     neck = limb([(-0.26, 0, -0.15), (-0.25, 0, 0.06), (-0.17, 0, 0.3), (-0.09, 0, 0.55), (-0.05, 0, 0.74)],
         [0.165, 0.155, 0.135, 0.12, 0.11], 0.1)  # fmt: skip
@@ -86,9 +83,8 @@ def _ear(wide: float) -> Field:
 
 @shape
 def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
-    """A swimming ring with the head and the tail of a duck, genus 1, looking towards -x; y is up.
-    length : from beak to tail, metres. The shape resembles Bob of Keenan Crane's 3D Model Repository, in its size by
-             default."""
+    """A swimming ring with the head and the tail of a duck, genus 1, looking towards -x; y is up. The shape resembles
+    Bob of Keenan Crane's 3D Model Repository. length : from beak to tail, metres; by default Bob's length."""
 
     def ring(P: Floats) -> Floats:
         x, y, z = P.T

@@ -43,9 +43,7 @@ class MeshChart(Protocol):
 
 def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Ints]:
     """Return vertices (n, 3) and faces of nearly equilateral triangles, about `edge` metres wide, on a chart's surface.
-
     X, F : any oriented manifold mesh of the surface, in the chart's coordinates; its genus and its boundaries stay.
-
     Raises SurfaceError if the edge is longer than details of the surface: the mesh has gaps, folds or other faults."""
     for round_ in range(ROUNDS):
         before = len(F)
@@ -103,9 +101,8 @@ def _collapse_edges(chart: MeshChart, X: Floats, F: Ints, shortest: float) -> tu
         length = edge_lengths(V, edges.ends)
         short = np.flatnonzero(~across & (length < shortest))
         short = short[meets_link_condition(edges, short, n)]
-        chosen = short[
-            leading_candidates(np.argsort(length[short], kind="stable"), edges.ends[short], n, edges=edges.ends)
-        ]
+        order = np.argsort(length[short], kind="stable")
+        chosen = short[leading_candidates(order, edges.ends[short], n, edges=edges.ends)]
         a, b = edges.ends[chosen].T
         X, F, changed = _merge_vertices(chart, X, F, V, a, b, border)
         if not changed:
@@ -312,11 +309,9 @@ class LevelSet:
 
 def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None = None) -> Surface:
     """Return the zero set of a field, in even triangles about `edge` metres wide, normals outward.
-
     low, high : corners of a box around the solid, metres.
     floor     : height of a plane that cuts the solid, metres; the surface is open there. None for a closed surface.
-
-    Raises SurfaceError for an edge so long that details are lost, or so short that the mesh would be endless."""
+    Raises SurfaceError for an edge so long that details are lost, or so short that the mesh would be too large."""
     bottom, top = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
     if floor is not None:
         bottom[2] = floor

@@ -36,9 +36,7 @@ def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
                 return function(*args, **kwargs)
         except (ArithmeticError, np.linalg.LinAlgError):
-            raise SurfaceError(
-                f"{function.__name__}: the lengths differ too much to compute a surface; check the lengths"
-            ) from None
+            raise SurfaceError(f"{function.__name__}: the lengths differ too much; choose similar lengths") from None
 
     return checked_shape
 
@@ -88,12 +86,8 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
     faces = []
     for j in range(rows):
         few, many = (start[j], start[j + 1]) if j % 2 == 0 else (start[j + 1], start[j])
-        strip = np.concatenate(
-            [
-                np.stack([few + i, few + i + 1, many + i + 1], axis=1),
-                np.stack([many + k, few + k, many + k + 1], axis=1),
-            ]
-        )
+        on_few = np.stack([few + i, few + i + 1, many + i + 1], axis=1)
+        strip = np.concatenate([on_few, np.stack([many + k, few + k, many + k + 1], axis=1)])
         faces.append(strip if j % 2 == 0 else strip[:, ::-1])
     return uv, np.concatenate(faces)
 

@@ -14,9 +14,8 @@ from dsfab.surface.shapes.meshing import ROW, Length, check_density, pieces_of, 
 
 @shape
 def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Surface:
-    """A flat rectangle, length along x and width along y, centred on the origin at z = 0. Staggered rows of nearly
-    equilateral triangles with half triangles at the two short sides; symmetric in x and y. Area length x width exactly.
-    """
+    """A flat rectangle, length along x and width along y, centred on the origin at z = 0, of area length x width.
+    Staggered rows of nearly equilateral triangles with half triangles at the two short sides; symmetric in x and y."""
     check_density(length * width, edge)
     uv, F = staggered_rows(pieces_of(length, edge), pieces_of(width, ROW * edge, multiple=2, least=2))
     x, y = (uv - 0.5).T * [[length], [width]]
@@ -170,14 +169,8 @@ class _Wedge:
         stop = np.arctan2(*(-self.bend * self.centre / self.to_centre)[::-1])
         sweep = (stop - start + np.pi) % (2 * np.pi) - np.pi
         turn = start + np.linspace(0, sweep, 1 + self._count(abs(sweep) * self.radius))[1:]
-        points = np.concatenate(
-            [
-                ray[:, None] * [1.0, 0.0],
-                self.ground * _unit(foot),
-                self.centre + self.radius * _unit(turn),
-                back[:, None] * _unit(np.array([self.half])),
-            ]
-        )
+        arch, seam_points = self.centre + self.radius * _unit(turn), back[:, None] * _unit(np.array([self.half]))
+        points = np.concatenate([ray[:, None] * [1.0, 0.0], self.ground * _unit(foot), arch, seam_points])
         axis, seam = np.arange(len(ray)), np.arange(len(points) - len(back) - 1, len(points))
         return points, axis, np.concatenate([[0], seam])
 
@@ -186,12 +179,8 @@ class _Wedge:
 
     def inside(self, P: Floats, depth: float) -> Bools:
         x, y = P.T
-        room = [
-            y,
-            x * np.sin(self.half) - y * np.cos(self.half),
-            self.ground - np.hypot(x, y),
-            self.bend * (np.linalg.norm(P - self.centre, axis=1) - self.radius),
-        ]
+        from_arch = self.bend * (np.linalg.norm(P - self.centre, axis=1) - self.radius)
+        room = [y, x * np.sin(self.half) - y * np.cos(self.half), self.ground - np.hypot(x, y), from_arch]
         return np.asarray(np.min(room, axis=0) >= depth)
 
 

@@ -142,14 +142,9 @@ def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
         weights[face, np.arange(len(i)), faces[:, [corner]]] += weight
     up = i + j < f
     down = i + j < f - 1
-    small = np.concatenate(
-        [
-            np.stack([index[i[up], j[up]], index[i[up] + 1, j[up]], index[i[up], j[up] + 1]], axis=1),
-            np.stack(
-                [index[i[down] + 1, j[down]], index[i[down] + 1, j[down] + 1], index[i[down], j[down] + 1]], axis=1
-            ),
-        ]
-    )
+    upward = np.stack([index[i[up], j[up]], index[i[up] + 1, j[up]], index[i[up], j[up] + 1]], axis=1)
+    k, m = i[down], j[down]
+    small = np.concatenate([upward, np.stack([index[k + 1, m], index[k + 1, m + 1], index[k, m + 1]], axis=1)])
     names, name = np.unique(weights.reshape(-1, len(corners)), axis=0, return_inverse=True)
     every = (small[None] + len(i) * np.arange(len(faces))[:, None, None]).reshape(-1, 3)
     return names @ corners / f, name.ravel()[every]

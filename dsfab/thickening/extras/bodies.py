@@ -53,9 +53,7 @@ def positive(extra: object, *names: str) -> None:
     """Raise SolidError for lengths of an extra that are not positive."""
     for name in names:
         if not getattr(extra, name) > 0:
-            raise SolidError(
-                f"thickening.extra {getattr(extra, 'kind', '')!r}: {name} must be a positive length in metres"
-            )
+            raise SolidError(f"thickening.extra {getattr(extra, 'kind', '')!r}: {name} must be a positive length")
 
 
 def unit(vector: Vector, whose: str) -> Floats:

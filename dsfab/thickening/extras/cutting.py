@@ -74,7 +74,7 @@ class SplitBodies:
     """`kind = "split"`: cut the solid into parts that fit a machine, moved apart, with holes for dowels in the cuts.
     bed         : largest size of a part along x, y, z, metres; parts have equal sizes along each axis.
     apart       : distance (m) between the parts.
-    dowel, deep : diameter of the dowels, and their depth in each part, metres; 0 drills none. Every cut face gets a
+    dowel, deep : diameter of the dowels, and their depth in each part, metres; 0 for no dowels. Every cut face gets a
                   hole at its widest place, if the face there is at least twice as wide as the dowel."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -88,9 +88,7 @@ class SplitBodies:
         """Return the solid in parts that fit the bed, with holes for dowels; raises SolidError for wrong lengths."""
         positive(self, "apart")
         if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
-            raise SolidError(
-                "thickening.extra 'split' needs a bed of positive lengths; give dowel and deep, or neither"
-            )
+            raise SolidError("thickening.extra 'split' needs a bed of positive lengths; set dowel and deep, or neither")
         ends = np.array(solid.bounding_box()).reshape(2, 3)
         levels = [self._levels(ends[0, axis], ends[1, axis], self.bed[axis]) for axis in range(3)]
         drills = [drill for axis in range(3) for drill in self._drills(solid, axis, levels)] if self.dowel else []
@@ -151,4 +149,5 @@ def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | Non
     dot = manifold3d.CrossSection.square((low / 9, low / 9), center=True).translate(middle.tolist())
     if not (inset(0.9 * low) ^ dot).is_empty():
         return np.asarray(middle)
-    return np.asarray(corners[np.linalg.norm(corners - middle, axis=1).argmin()])  # for bent strips
+    # the middle of a bent strip may be outside of the strip
+    return np.asarray(corners[np.linalg.norm(corners - middle, axis=1).argmin()])

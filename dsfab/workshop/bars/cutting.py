@@ -16,8 +16,8 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE
 from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, half_plane_clip, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Distances in bolt diameters from the fold to the first bolt, between bolts, and to the plate's end. The first row
-that fits is used."""
+"""Bolt diameters from the fold to the first bolt, between bolts, and to the plate's end; the first row that fits
+counts."""
 LEG_NAME = "ground"  # name of a plate's leg, because a leg has no bar that gives it a name
 
 
@@ -64,7 +64,7 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
-    """Yield half planes a . x <= b that keep a bar clear of its neighbours; x is along the bar and to its left."""
+    """Yield half planes a . x <= b that keep a bar clear of its neighbours; axes along the bar and to its left."""
     for side, gap in ((1, end.after), (-1, end.before)):
         if 0 < gap < np.pi:
             c, s = np.cos(gap / 2), np.sin(gap / 2)
@@ -141,7 +141,7 @@ class PlateArm:
 
     @classmethod
     def from_bar(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
-        """Return the plate's arm for a bar. The arm of a sloping bar folds nearer to the node than the bar begins."""
+        """Return the plate's arm for a bar. A sloping bar begins farther from the node than its arm folds."""
         end, (stations, end_distance) = bar.ends[side], stock.bolt_stations(bar)
         setback = stock.lever * np.tan(end.dip / 2)
         holes = tuple(end.root - 2 * setback + r for r in stations)

@@ -24,8 +24,7 @@ from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
 FLAT_SINE = np.sin(np.radians(5.0))  # sine of the least slope that a surface needs at a support for a leg
-LEAST_SIDE, ARM_SHARE = 1.5, 0.45
-"""Half the width of an arm: least value over the bolt or anchor diameter, and share of the narrowest member."""
+LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: least bolt diameters, or share of the narrowest member
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 """Anchor diameters from the fold to the first anchor, from there to the second, and from there to the leg's end."""
 
@@ -57,7 +56,7 @@ class Leg:
 @dataclass(frozen=True, eq=False)
 class Footing:
     """Ground contact of a structure: its supports (q, 3) in metres, unit vector `up` (3,), and diameter of anchors (m).
-    reach : largest distance of a support from its node (m), beside 0.75 of the widest member's width."""
+    reach : largest distance (m) from a node to its support, to which 0.75 of the widest member's width is added."""
 
     supports: Floats
     up: Floats
@@ -275,10 +274,8 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     root = np.where(joined, [root for _, root in sizes], 0.0)
     roots = _bar_roots(P, N, bay_ends, root)
     directions = roots[bay_ends.opposite] - roots
-    orders = [
-        _counter_clockwise(np.flatnonzero(bay_ends.node == k), _level_directions(directions, N[bay_ends.node]), N[k])
-        for k in range(len(P))
-    ]
+    level = _level_directions(directions, N[bay_ends.node])
+    orders = [_counter_clockwise(np.flatnonzero(bay_ends.node == k), level, N[k]) for k in range(len(P))]
     joints = [
         Joint(node, tuple((int(e) % count, int(e) // count) for e in order), half, float(root[k]))
         for k, (node, (order, _, _), (half, _)) in enumerate(zip(lattice.nodes, orders, sizes, strict=True))
@@ -308,11 +305,10 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
-
-    At right angles, bars can begin at half of their width from the node; at sharper angles, and if they lean, they
-    begin farther away. Short bars begin closer to the node and get mitres. Arms at sharp angles are narrower, but wide
-    enough for bolts; this moves their folds outwards."""
+    """Return half the width of a node plate's arms, and the distance of their folds from the node (m). At right angles,
+    bars can begin at half of their width from the node. At sharper angles, and if they lean, bars begin farther away.
+    Short bars begin closer to the node and get mitres. Arms at sharp angles are narrower, but wide enough for bolts;
+    this moves their folds outwards."""
     notch = 0.9  # distance from the node to the corner between two arms, over the distance to the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
@@ -325,7 +321,7 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
     node_points = P[bay_ends.node]
     roots = node_points
-    for _ in range(rounds):  # each round moves the roots less: e / (distance - e) times as far as the round before
+    for _ in range(rounds):  # each round moves the roots e / (distance - e) times as far as the last round
         level = _level_directions(roots[bay_ends.opposite] - node_points, N[bay_ends.node])
         roots = node_points + root[bay_ends.node][:, None] * level
     return roots

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from dsfab.core.arrays import Floats, Ints, lock_floats
 from dsfab.core.errors import PatternError
 from dsfab.core.messages import length
 from dsfab.members import Member, MemberGraph, Node
+from dsfab.surface import link_components
 from dsfab.workshop.development import PARALLEL_SHARE
 from dsfab.workshop.strips import STRIP_KINDS
 
@@ -22,9 +21,9 @@ LEAST_BAR = 4.0  # shortest bar on a plate, in bolt diameters: one bolt, and two
 @dataclass(frozen=True, eq=False)
 class LatticeNode:
     """Node of bars: one node of the graph, or several nodes that are too close for bars between them.
-    id     : name of the first of these nodes; "A07 end 1" for a free end of a member.    nodes : all their names.
+    id     : name of the first node; "A07 end 1" for a free end of a member.    nodes : names of all nodes.
     point  : (3,) metres.    normal : (3,) of the surface.    joined : whether a plate joins the bars.
-    moved  : largest distance of these nodes from the point (m)."""
+    moved  : largest distance of the nodes from the point (m)."""
 
     id: str
     nodes: tuple[str, ...]
@@ -149,8 +148,7 @@ def _place_groups(
         (i, j) for k, i in enumerate(alone) for j in alone[k + 1 :] if np.linalg.norm(P[i] - P[j]) < half[i] + half[j]
     ]
     joined_pairs = np.concatenate([ends[short], np.array(corners, dtype=np.int64).reshape(-1, 2)])
-    links = csr_array((np.ones(len(joined_pairs)), tuple(joined_pairs.T)), shape=(len(keys), len(keys)))
-    return np.asarray(connected_components(links, directed=False)[1]), int(short.sum())
+    return link_components(len(keys), *joined_pairs.T)[1], int(short.sum())
 
 
 def _lattice_node(keys: list[str], places: dict[str, tuple[Floats, Floats]]) -> LatticeNode:

@@ -37,13 +37,9 @@ class BarPlan:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences for the builder on the bars and plates, and on those that are impossible or left out."""
-        legged = {joint.node.id: joint.leg for joint in self.bar_lattice.joints if joint.leg}
-        return (
-            *_possibility_lines(self),
-            *leg_lines([leg.fold for leg in legged.values()], self.legless),
-            *_omission_lines(self),
-        )
+        """Sentences for the builder on the bars and plates, and on bars that are impossible or left out."""
+        folds = [joint.leg.fold for joint in self.bar_lattice.joints if joint.leg]
+        return (*_possibility_lines(self), *leg_lines(folds, self.legless), *_omission_lines(self))
 
 
 def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock, footing: Footing | None = None) -> BarPlan:

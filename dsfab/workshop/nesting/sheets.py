@@ -1,7 +1,7 @@
 """Parts nested on sheets for the least cost, and fewer sheets by spyrrow.
 
-Spyrrow packs a strip as short as possible, in a process of its own. Part by part, it moves the parts of the least used
-sheet to the other sheets. `least_clearance` checks each result; if the check fails, the old nest stays."""
+Spyrrow packs parts on a strip as short as possible, in a separate process. With spyrrow, dsfab moves the parts of the
+least used sheet to other sheets. `least_clearance` checks each result; if the check fails, the old nest stays."""
 
 import importlib.util
 import json
@@ -178,7 +178,7 @@ def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enoug
 
 
 def polygon_distance(P: Floats, Q: Floats) -> float:
-    """Return the distance of two closed polygons (p, 2) and (q, 2) as areas (m); 0 if they overlap or touch."""
+    """Return the distance (m) between the areas of closed polygons (p, 2) and (q, 2); 0 if they overlap or touch."""
     if inside_outline(P[:1], Q)[0] or inside_outline(Q[:1], P)[0] or _sides_cross(P, Q):
         return 0.0
     return min(float(distances_from_outline(*pair).min()) for pair in ((P, Q), (Q, P)))

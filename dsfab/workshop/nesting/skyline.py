@@ -48,7 +48,7 @@ def column_grid(stock: Sequence[tuple[float, float]], gap: float, grain: bool = 
 
 def part_shapes(part: FlatPart, grid: ColumnGrid, boxes: bool) -> list[PartShape]:
     """Return the shapes of a part along the sheet and, if short enough, across it.
-    boxes : whether to use the box of the part, which needs no half turns, instead of its outline."""
+    boxes : true to use the box of the part instead of its outline; a box needs no half turns."""
     turns = (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2)
     shapes = [_shape(part, turn, boxes, grid.gap, grid.step) for turn in turns[:1]]
     only_along = part.size[0] > grid.tallest or (grid.grain and bool(part.member))
@@ -75,7 +75,7 @@ def _column_count(size: Floats, grid: ColumnGrid) -> int:
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
     """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, moved outwards by half of the gap.
-    Sides move by the corners of a regular polygon around a circle whose radius is half of the gap."""
+    Method: each side is moved by the corners of a regular polygon around a circle of this radius."""
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count
@@ -261,6 +261,6 @@ def _gap_area(sheet: OpenSheet, grid: ColumnGrid) -> float:
 
 
 def _column_windows(skyline: Floats, k: int) -> Floats:
-    """Return each run (q, k) of k columns as a view; numpy's own function takes longer than the use of its result."""
+    """Return each run (q, k) of k columns as a view, because numpy's own function is slow."""
     (step,) = skyline.strides
     return np.ndarray((len(skyline) - k + 1, k), skyline.dtype, skyline, strides=(step, step))

@@ -1,4 +1,4 @@
-"""Program that nests parts on a sheet by spyrrow, in a process of its own because bad input can crash it.
+"""Program that nests parts on a sheet by spyrrow, in a separate process, because bad input can crash it.
 
     python -P spyrrow_program.py JOB.json
 

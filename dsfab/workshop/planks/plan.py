@@ -1,7 +1,7 @@
 """The parts of a structure of planks, developed along the normals of the surface.
 
-A plank is the ruled surface P(s) + y N(s); on the axis its normal is -B. In its flat state it bends by kn in its own
-plane. In the structure it bends by kg across that plane and twists by tg. The twist makes the edges of a plank of
+A plank is the ruled surface P(s) + y N(s), with the normal -B = -N x T on the axis. The flat plank bends by kn in its
+own plane. In the structure it bends by kg across this plane and twists by tg. The twist makes the edges of a plank of
 depth h longer than drawn, by a strain of tg^2 h^2 / 8."""
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +25,7 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course of a plank from a course along the surface: its normal is -B, its left the surface normal."""
+    """Return the course of a plank from a course along the surface: the normal is -B, left is the surface normal."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)

@@ -110,14 +110,14 @@ def plank_marks(
 
 
 def letters_within(name: str, stock: PlankStock, room: float) -> float:
-    """Return the height of letters (m) that fit into `room` metres on both sides of their middle."""
+    """Return the height of letters (m) of a name that fits into `room` metres on each side of its middle."""
     high = letter_height(stock.depth, stock.letters[0])
     return high * min(1.0, 2 * room / text_length(name, high))
 
 
 @dataclass
 class Plank:
-    """Member that becomes parts: stations of its ends and cuts, and the assembly direction (3,) of each piece."""
+    """A member that becomes parts: stations of its ends and cuts, and the assembly direction (3,) of each piece."""
 
     member: Member
     course: StripCourse
@@ -182,7 +182,7 @@ class Plank:
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the assembly direction of the piece at an arc length; None if it has none, or cannot slide on."""
+        """Return the assembly direction of the piece at an arc length; None without crossings or if it cannot slide."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:

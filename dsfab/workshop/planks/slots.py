@@ -31,7 +31,7 @@ def largest_deviation(normals: Floats) -> float:
 
 
 def middle_direction(normals: Floats) -> Floats:
-    """Return the unit vector (3,) midway between those two of the unit vectors (q, 3) that form the largest angle."""
+    """Return the unit vector (3,) midway between the two of the unit vectors (q, 3) with the largest angle."""
     i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
     direction = normals[i] + normals[j]
     return np.asarray(direction / np.linalg.norm(direction))
@@ -102,7 +102,7 @@ def slot_width(thickness: float, angle: float) -> float:
 
 
 def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
-    """Return the families, the lowest first, which stands on the ground and carries the rest; up : (3,) unit vector."""
+    """Return the families from the lowest, which stands on the ground, to the uppermost; up : (3,) unit vector."""
     z = graph.sheet.surface.V @ up
     begins: dict[str, list[float]] = {family: [] for family in STANDING_ORDER}
     for member in graph.members:
