@@ -109,7 +109,7 @@ def preset_from_toml(text: str) -> Preset:
     return preset_from(toml_table(text))
 
 
-def _read_only(values: dict[Any, Any]) -> Mapping[Any, Any]:
+def _read_only(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(values)
 
 
