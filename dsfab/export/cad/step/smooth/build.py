@@ -43,7 +43,6 @@ from dsfab.surface.topology import faces_at
 @dataclass(frozen=True, eq=False)
 class Acceptance:
     """Verdict on a piece. reason : reason of a refusal, or ''.    bad : (k, 3) places where tighter curves may help.
-
     there, back : largest distances of the piece from the mesh and of the mesh from the piece.    volume : of the piece.
     """
 
@@ -150,7 +149,6 @@ class SmoothPlan(SolidPlan):
 
     def layouts(self) -> Iterator[Floats]:
         """Yield the fields (n, c) of distinct layouts: chart k covers the part where field k is largest.
-
         The first layout is for open sheets only, because its charts become too steep on a closed surface."""
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
@@ -167,7 +165,6 @@ class SmoothPlan(SolidPlan):
 
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
         """Build the pieces of all solids that are not finished, in a layout of fields (n, c).
-
         If the part has one solid and a chart of it fails, raises ExportError at once, because further charts take
         long."""
         atlas = ChartAtlas(self.surface, self.curved, fields, FIT_SHARE * self.limits.distance)
@@ -351,7 +348,6 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
     """Return (k, 3) mesh corners (n, 3) at walls that are farther from the piece's edges than allowed.
-
     OCCT's triangles would show such corners, too, but another round with OCCT takes seconds."""
     chord_count, nearest_count = 64, 4  # chords along an edge, and near chords whose distance from a corner counts
     x = np.linspace(0, 1, chord_count + 1)

@@ -29,7 +29,6 @@ SWEEPS = 4  # number of rounds of diffusion and choice of charts
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
     """Return fields (n, c) on the vertices; chart k is where field k is largest.
-
     cone : largest angle (radians) between the normals of a cluster of faces and their mean.
     fewest : smallest number of charts; start : seed, another number gives another layout."""
     label = _clusters(surface, cone, fewest, start)

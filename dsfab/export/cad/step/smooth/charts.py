@@ -87,7 +87,6 @@ FIRST_POLES = 8.0  # number of poles of the first attempt: geometric mean of bot
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
     """Surface that was fitted to points.
-
     off     : largest distance from the points that the tolerance applies to.
     size    : geometric mean of the numbers of poles in both directions, before they are rounded and limited.
     starved : True if more points would allow more poles."""
@@ -108,7 +107,6 @@ def fitted_surface(
     most_poles: int = MOST_POLES,
 ) -> SurfaceFit:
     """Fit a surface with few poles to Q (k, 6), one point on each skin; the tolerance applies to the points `inside`.
-
     first_poles : poles of the first attempt, geometric mean of both directions.    most_poles : limit for each
                   direction.
     The error of a cubic surface is proportional to the fourth power of its span length. So the error gives the number
@@ -133,7 +131,6 @@ def patch_through(
     uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float
 ) -> tuple[SplinePatch, Floats]:
     """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2); return it and its points at uv.
-
     weight : (k,) of the points.    smoothing : weight of second differences, which place poles without points."""
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
@@ -153,7 +150,6 @@ def patch_through(
 @dataclass(frozen=True, eq=False)
 class _Cells:
     """Points sorted by knot cell, and the basis functions of the 16 poles around each cell.
-
     Points of one cell share poles, so one matrix product for each cell takes a quarter of the time of other sums.
     order : (k,) points, cell after cell; start : first index of each cell in `order`.
     poles : (c, 16) poles of each cell; hats (k, 16) values of the basis functions at the points in that order."""
@@ -228,7 +224,6 @@ triangles are divided; the distance of the fit from all points is limited in any
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
     """Data for the fit of a chart, millimetres.
-
     origin, axes, steepest : see `SkinChart`.
     uv, Q  : (k, 2) in the plane, and (k, 6) on both skins.
     inside : (k,) True for points that the tolerance applies to.    weight : (k,) weight of each point in the fit.
@@ -246,7 +241,6 @@ class SkinPoints:
 
 def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
     """Collect the points of a chart and of a ring around it.
-
     near_faces : (faces of the undivided mesh,) True near the chart.    in_chart : (n,) True for its vertices."""
     faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
@@ -301,7 +295,6 @@ STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine of a chart's normals and 
 @dataclass(frozen=True, eq=False)
 class SkinChart:
     """Plane of a chart, and both skins over the plane. Lengths in millimetres.
-
     origin, axes : (3,) and (3, 3): two axes in the plane, and the normal of the plane.
     upper, lower, middle : surfaces of the skins, and of their middle, over the plane.
     tolerance    : of the fit; larger on a coarse mesh.
@@ -329,7 +322,6 @@ class SkinChart:
 
 class ChartAtlas:
     """Charts of a surface, fitted on demand.
-
     fields : (n, c) on the vertices; chart k is where field k is largest. Divided charts add fields.
     charts : by number, without charts that no spline follows; `failed` holds the reasons."""
 

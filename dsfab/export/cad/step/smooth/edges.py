@@ -17,7 +17,6 @@ from dsfab.export.splines import Fitted, Spline, even_samples, segment_spline, s
 @dataclass(eq=False)
 class OutlineNodes:
     """Positions of outline vertices in the planes of their charts, and of ends of runs on both skins.
-
     uv    : by chart, (n, 2) positions in its plane, nan for vertices outside of the chart.
     steep : by chart, (n,) largest ratio of a length on the surface to its length in the plane; 1 or more.
     around : by vertex, its charts.
@@ -71,7 +70,6 @@ LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a run's tolerance: before any ref
 @dataclass(frozen=True, eq=False)
 class SmoothEdge:
     """Curves along a run of an outline.
-
     start, end   : vertices of the sheet.
     upper, lower : cubics with equal knots, or lines.
     flat         : by chart, the curve in the plane of the chart.
@@ -141,7 +139,6 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 
 def _on_skins(parts: list[_RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
     """Fit curves on both skins over curves in planes, within `tolerances` (mm); return each with its largest distance.
-
     A skin may wave along a simple plane curve; then more samples are taken."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough

@@ -54,7 +54,6 @@ class SmoothSkin:
 @dataclass(eq=False)
 class SmoothPiece:
     """Piece of the sheet: edges with the keys of their runs, skins, and the widest gap, mm.
-
     traced : True if edges are also written with their curves on skins and walls.
     refused : reason why the piece is no single closed shell, or ''."""
 
@@ -173,7 +172,6 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     """Return the ends of edges at sharp corners whose two sides cross near the corner: 2 k and 2 k + 1 for edge k.
-
     Chords of the edges do not show this crossing. The sides cross if the turn of their tangents at the corner is
     opposite to the turn of the vectors to their middles."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
@@ -318,7 +316,6 @@ def _knot_text_of_bytes(knots: bytes) -> KnotText:
 @dataclass(frozen=True, eq=False)
 class SmoothPieceFile:
     """Text of the file and its measured properties.
-
     pieces  : number of pieces of the sheet; smooth : number of accepted pieces.
     gap     : widest gap of accepted pieces, mm; there, back : largest distances from the mesh and back.
     volume  : of all smooth solids according to OCCT, cubic millimetres.

@@ -93,7 +93,6 @@ REPAIRS = (
 
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
     """Return the findings for each solid of a file, one to a product; [] if OCCT cannot read it.
-
     deflection : mm, of the triangles that become `0.stl`, `1.stl` ... in the folder.
     copies     : True if forks share the work. It must be False after OCCT made triangles, because a fork would then
                  wait for threads that it does not have."""
@@ -108,7 +107,6 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
 
 def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
     """Return the findings for each solid of a file that is judged as a whole; [] if OCCT cannot read it.
-
     The triangles are those of `dsfab check`. The reader of `dsfab check` also repairs, but a valid file needs no
     repair. If every face has triangles, the folder gets the triangles and the shape as from `write_triangles`. With
     `copies` this happens before all findings are complete, so that the caller can use the triangles in parallel."""
@@ -195,7 +193,6 @@ def _triangulates(deflection: float, solid: Any) -> bool:
 
 def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
     """Return True if every face gets triangles, by Delabella's sweep or otherwise by OCCT's own method.
-
     For a skin with hundreds of holes the sweep takes a quarter of the time and gives equally good triangles."""
     angle = 0.5  # neighbouring triangles turn by at most 0.5 radians
     from OCP.BRepMesh import BRepMesh_IncrementalMesh

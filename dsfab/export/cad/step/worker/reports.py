@@ -26,7 +26,6 @@ def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]
 @dataclass(frozen=True, eq=False)
 class StepMesh:
     """Triangles of a STEP file: V (n, 3) millimetres, F (m, 3) without shared vertices between faces; number of solids.
-
     face       : (m,) face of each triangle, counted through all solids.
     deflection : largest distance of the triangles from curved faces, millimetres.
     shape      : OCCT's binary shape (`.bin`)."""
@@ -41,7 +40,6 @@ class StepMesh:
 
 def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
     """Read the solids of a STEP file as triangles; raises ExportError if OCCT cannot read it or takes too long.
-
     deflection : largest distance from curved faces, mm; a share of the solids' size if 0."""
     with tempfile.TemporaryDirectory() as folder:
         return mesh_in(folder, _drawn(path, folder, *((str(deflection),) if deflection else ())))
@@ -49,7 +47,6 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
     """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, without reading the file.
-
     faces : (k,) numbers of the faces to draw; None means all. Raises ExportError if OCCT takes too long."""
     with tempfile.TemporaryDirectory() as folder:
         path, only = Path(folder) / "shape.bin", Path(folder) / "faces.npy"
@@ -72,7 +69,6 @@ def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
 
 def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMesh:
     """Read the triangles that a program wrote to a folder; raises OSError if there are none.
-
     facts : `deflection` and perhaps `solids`.    shape : OCCT's binary shape; read from the folder by default."""
     shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
@@ -87,7 +83,6 @@ RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
     """OCCT's findings about a solid, see `pieces`, millimetres. Triangles of different faces share no vertices.
-
     bad : (k, 3) ends of crossing edges.    V, F : triangles of the solid."""
 
     valid: bool
@@ -115,7 +110,6 @@ def findings(
     on_triangles: Callable[[StepMesh], None] | None = None,
 ) -> list[OcctFinding]:
     """Return findings about each solid of a file; [] if OCCT fails or takes longer than `limit` seconds.
-
     deflection   : largest distance of the triangles from the solid, millimetres.
     on_triangles : if given, OCCT judges the solids together, and the findings contain no triangles. If every face has
                    triangles, this function gets the triangles of all solids, as from `read_step`, while OCCT continues.

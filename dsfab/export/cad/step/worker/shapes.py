@@ -80,7 +80,6 @@ def compound(shapes: list[Any]) -> Any:
 
 def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
     """Return the lowest and highest corner of OCCT's box, six numbers.
-
     with_triangles : use triangles that the faces hold."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
@@ -110,7 +109,6 @@ def is_valid(shape: Any) -> bool:
 
 def gauss_kronrod_volume(shape: Any, accuracy: float) -> float:
     """Return the volume (mm3) to a relative accuracy, also for faces with many holes or curved edges.
-
     On a plate with 65 holes and curved walls OCCT's adaptive rule was 1e-3 off, and this rule 7e-9 with 1e-5."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
@@ -130,7 +128,6 @@ def without_triangles(faces: list[Any]) -> list[Any]:
 
 def step_facts(path: Path) -> dict[str, Any]:
     """Return the numbers of solids and faces, OCCT's validity check, and the total volume, cubic millimetres.
-
     Solids give {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}, tessellated geometry
     {"triangles": 12, "volume": 1000.0}, and for lines {"lines": 3, "length": 12.0}. Raises ValueError if OCCT finds no
     shape."""

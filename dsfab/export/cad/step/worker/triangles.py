@@ -16,7 +16,6 @@ DEFLECTION_SHARE = 1e-4  # default deflection, as a share of the diagonal of the
 
 def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:
     """Read a STEP or `.bin` file and write `mesh.npz` to a folder, and `shape.bin` unless the file is binary.
-
     faces : a `.npy` file of face numbers to draw. Returns the number of solids and the deflection; raises ValueError if
             OCCT cannot read the file."""
     shape = read(path)
@@ -29,7 +28,6 @@ def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: st
 
 def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
     """Return V, F and `face` as in `mesh.npz`, of the faces `only` (k,) or all faces; number of solids and deflection.
-
     deflection : `DEFLECTION_SHARE` of the size if 0. Selected faces are drawn together, so that neighbours share the
                  points of their edges."""
     solids, deflection = parts(shape, "SOLID"), deflection or DEFLECTION_SHARE * diagonal(shape)

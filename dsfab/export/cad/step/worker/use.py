@@ -73,7 +73,6 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
 
 def sample(path: Path) -> dict[str, Any]:
     """Return the result of one cut through the middle of a file: `box`, `halves` (True if valid), `off` (as `missed`).
-
     Volumes are measured last, and only for valid halves, because volumes of smooth solids take most of the time."""
     begin = time.process_time()
     shape = read(path)
@@ -169,7 +168,6 @@ def _box(box: list[float]) -> Any:
 
 def _split(shape: Any, tool: Any) -> list[Any]:
     """Return the parts inside and outside of a tool, or [] if a part is invalid.
-
     Both parts are cells of one subdivision. Two booleans gave equal volumes but took up to 1.4 times as long."""
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape

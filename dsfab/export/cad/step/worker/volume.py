@@ -40,7 +40,6 @@ def volume(solid: Any) -> float:
 
 def _cone(face: Any, about: Any) -> float:
     """Volume in cubic millimetres between a face and a point, positive if the point lies behind the face.
-
     The time of OCCT's adaptive rule grows with the edges of a face times the poles of its surface; for many edges
     `_cone_on_spline` is three times as fast. OCCT's plain rule is off by up to 1 % on faces with many holes."""
     from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
