@@ -159,8 +159,8 @@ class _SplineSystem:
         return self._smooth_poles(system, poles, points, tangent) if tangent.any() else poles
 
     def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
-        """Add the tangent d of each smooth line. d couples the first with the last poles, outside the band of the
-        matrix."""
+        """Add the tangent d of each smooth line, which couples its first with its last poles, outside the matrix's
+        band."""
         free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
         along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])

@@ -56,8 +56,7 @@ STIFFNESS = (
 
 @dataclass(frozen=True)
 class SafSheet:
-    """Sheet of a workbook with a head of column names. `Project` and `Model` have no head, but rows of name and
-    value."""
+    """Sheet of a workbook with a head of column names. `Project` and `Model` have rows of name and value, no head."""
 
     name: str
     head: tuple[str, ...]

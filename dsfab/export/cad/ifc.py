@@ -305,8 +305,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ifcopenshell; compare name, triangles and volume of each member with the part's
-    members."""
+    """Read the file back with ifcopenshell; compare name, triangles and volume of each member with the part's."""
     model = millimetre_model(part, path)
     meshes = {}
     for element in sorted(model.by_type("IfcBuildingElement"), key=lambda item: item.id()):  # by_type sorts by class

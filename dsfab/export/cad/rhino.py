@@ -90,7 +90,7 @@ Ids = Callable[[str], uuid.UUID]
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function from names to UUIDs that depend on the arrays, so that one Rhino model can hold several
+    """Return a function from names to UUIDs that depend on the arrays, so that a Rhino model can hold several
     designs."""
     digest = hashlib.sha256()
     for array in arrays:

@@ -295,8 +295,7 @@ def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
     """Yield the entities of one kind after another, so that memory holds one kind at a time.
-    vectors, normals : distinct directions, and the index of the direction of each edge or face.    digits : of normals.
-    """
+    vectors, normals : distinct directions, and the index of that of each edge or face.    digits : of normals."""
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])

@@ -40,8 +40,7 @@ ten user surfaces four failed in the first layout; three of these passed in the 
 
 MEMBER_FACES_FACTOR = 2
 """Factor of the largest number of faces by members if `auto` cannot write facets, because these exceed the budget.
-The remaining strategy is smooth, and CAD programs fail to cut smooth files: all eight cuts of a cylinder at 45 degrees
-failed."""
+Then only a smooth file remains, which CAD programs fail to cut: all eight cuts of a cylinder at 45 degrees failed."""
 
 
 def prepare(part: Part) -> Part:

@@ -233,8 +233,8 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the angle (degrees) of border and outline at a node; a round wall beside a straight wall does not
-        count."""
+        """Return the angle (degrees) between a border and the outline at a node.
+        If only one of the two walls there is round, only the other wall counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

@@ -142,8 +142,7 @@ def _require(passed: bool, complaint: str, error: type[ExportError] = ExportErro
 def _require_solid(
     part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[_TriangleReport]
 ) -> tuple[float, float, bytes]:
-    """Return the largest distances from solid to mesh and back, and OCCT's shape; raises ExportError for a bad
-    solid."""
+    """Return the largest distances from solid to mesh and back, and OCCT's shape; or raise ExportError."""
     wide_box = 2e-2  # largest error of OCCT's box over the diagonal; for a saddle of 5 m it is 1.1 % (smooth file 20 %)
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)

@@ -107,10 +107,8 @@ def fitted_surface(
     most_poles: int = MOST_POLES,
 ) -> SurfaceFit:
     """Fit a surface with few poles to Q (k, 6), one point on each skin; the tolerance applies to the points `inside`.
-    first_poles : poles of the first attempt, geometric mean of both directions.    most_poles : limit for each
-                  direction.
-    The error of a cubic surface is proportional to the fourth power of its span length. So the error gives the number
-    of poles for the next attempt."""
+    first_poles : geometric mean of the first numbers of poles.    most_poles : limit in each direction.
+    The error is proportional to the fourth power of the span length, which gives the next number of poles."""
     points_per_pole = 2.5  # with fewer points, surfaces wave between the points and leave gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
@@ -119,8 +117,7 @@ def fitted_surface(
     while True:
         count = [int(np.clip(np.rint(x), FEWEST_POLES, most_poles)) for x in (n * aspect, n / aspect)]
         patch, points = patch_through(uv, Q, weight, (count[0], count[1]), SMOOTHING)
-        away = np.linalg.norm((points[inside_numbers] - Q[inside_numbers]).reshape(-1, 2, 3), axis=2)
-        distance = float(away.max())
+        distance = float(np.linalg.norm((points[inside_numbers] - Q[inside_numbers]).reshape(-1, 2, 3), axis=2).max())
         if distance <= tolerance or n >= min(pole_limit, most_poles):
             return SurfaceFit(patch, distance, float(n), bool(distance > tolerance and n < most_poles))
         growth = float(np.clip(1.05 * (distance / tolerance) ** 0.25, 1.15, 2.0))
@@ -164,8 +161,7 @@ class _Cells:
         (i, a), (j, b) = basis(uv[:, 0], u), basis(uv[:, 1], v)
         q = len(v) - 4
         order, start, _ = equal_key_groups(i * q + j)
-        first_pole = (i * q + j)[order[start]]
-        poles = first_pole[:, None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
+        poles = (i * q + j)[order[start], None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
         return cls(order, start, poles, np.einsum("ka,kb->kab", a[order], b[order]).reshape(-1, 16))
 
     @property
@@ -180,8 +176,7 @@ class _Cells:
         row, column = np.tril_indices(16)
         place = (self.poles[:, row] - self.poles[:, column]) * p * q + self.poles[:, column]
         band = np.bincount(place.ravel(), sums[:, row, column].ravel(), (3 * q + 4) * p * q).astype(np.float64)
-        sides = np.moveaxis(sums[:, :, 16:], 2, 0)
-        right = [np.bincount(self.poles.ravel(), side.ravel(), p * q) for side in sides]
+        right = [np.bincount(self.poles.ravel(), x.ravel(), p * q) for x in np.moveaxis(sums[:, :, 16:], 2, 0)]
         return band.reshape(3 * q + 4, p * q), np.stack(right, axis=1)
 
     def sums(self, poles: Floats) -> Floats:
@@ -312,7 +307,7 @@ class SkinChart:
 
     @cached_property
     def skins(self) -> SplinePatch:
-        """Both skins as one surface of six coordinates, the upper ones first."""
+        """Both skins as one surface of six coordinates: those of the upper skin, then those of the lower skin."""
         return SplinePatch(self.upper.u, self.upper.v, np.concatenate([self.upper.poles, self.lower.poles], axis=2))
 
     def projected(self, points: Floats) -> Floats:
@@ -335,8 +330,7 @@ class ChartAtlas:
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
         """Fit the charts of these numbers and the charts that they are divided into.
-        hopeless : function of a failed chart's number; True ends the work, because the other charts are then
-                   useless."""
+        hopeless : function of a failed chart's number that returns True if further charts are useless."""
         # A chart may be three tolerances off: OCCT measures the solid later, and few pieces lie at the worst place.
         useless = 3
         fewest = 12  # a chart with fewer vertices is not divided
@@ -368,7 +362,8 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a field (n,) that grows from a chart's steepest normal to the opposite one; None if not too steep."""
+        """Return a field (n,) that grows from a chart's steepest normal to the opposite one; None if no normal is
+        too steep."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -379,7 +374,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # share of the half length over which the fields cross, as steeply as at other borders
+        part_width = 0.25  # the fields change over this share of half the chart's length, as fast as at other borders
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)

@@ -66,7 +66,7 @@ class SmoothPiece:
 
     @property
     def faces(self) -> int:
-        """Number of faces: a wall for each edge that is no seam, and two skins for each region."""
+        """Number of faces: a wall for each edge that is not a seam, and two skins for each region."""
         return sum(edge.wall for edge in self.edges) + 2 * len(self.skins)
 
     @property

@@ -19,7 +19,7 @@ def read(path: Path) -> Any:
         BRepTools.Read_s(shape, str(path), BRep_Builder())
     else:
         reader = step_reader(path)
-        if reader is None:  # OCCT would crash if it went on
+        if reader is None:  # OCCT would crash without a reader
             raise ValueError("OCCT does not read it")
         reader.TransferRoots()
         shape = reader.OneShape()
@@ -127,10 +127,9 @@ def without_triangles(faces: list[Any]) -> list[Any]:
 
 
 def step_facts(path: Path) -> dict[str, Any]:
-    """Return the numbers of solids and faces, OCCT's validity check, and the total volume, cubic millimetres.
+    """Return the facts of a file, in millimetres; raises ValueError if OCCT finds no shape.
     Solids give {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}, tessellated geometry
-    {"triangles": 12, "volume": 1000.0}, and for lines {"lines": 3, "length": 12.0}. Raises ValueError if OCCT finds no
-    shape."""
+    {"triangles": 12, "volume": 1000.0}, and lines {"lines": 3, "length": 12.0}."""
     accuracy = 1e-5
     shape = read(path)
     text = b"" if path.suffix == ".brep" else path.read_bytes()
@@ -185,7 +184,7 @@ def _triangles(shape: Any) -> dict[str, Any]:
 
 
 def _tessellates(shape: Any, faces: list[Any]) -> bool:
-    """Return True if every face becomes triangles, which OCCT fails to make of a few valid curved faces."""
+    """Return True if every face becomes triangles; OCCT makes no triangles of a few valid curved faces."""
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.GeomAbs import GeomAbs_SurfaceType
