@@ -278,7 +278,7 @@ def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: P
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix in lower case; both words if two name the format (`.lines.step`, `members.json`)."""
+    """Return the suffix in lower case, with both words if the format has two (`.lines.step`, `members.json`)."""
     double = "".join(path.suffixes[-2:]).lower()
     file_name = f".{path.name}".lower() if path.suffix else ""
     return next((name for name in (file_name, double) if name in FORMATS), path.suffix.lower())

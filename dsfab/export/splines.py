@@ -78,7 +78,7 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
     """Return values (4, k) of the nonzero cubic basis functions at x (k,), from knots[span] to knots[span + 1].
-    Also return quadratic basis functions (3, k) over the widths of their supports, for the slopes [de Boor 1978]."""
+    Also return (3, k) quadratic basis functions divided by their supports' widths, for the slopes [de Boor 1978]."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
     values = shares = np.ones((1, len(x)))
@@ -183,7 +183,7 @@ class SplineRows:
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
     def subset(self, chosen: Bools) -> "SplineRows":
-        """Return the chosen curves (r,)."""
+        """Return the samples of the curves that `chosen` (r,) marks."""
         chosen_samples = chosen[self.row]
         number, count, tolerance = self.number[chosen], self.count[chosen], self.tolerance[chosen]
         x, Q = self.x[chosen_samples], self.Q[chosen_samples]
@@ -251,7 +251,7 @@ def splines_through(
     """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) from 0 to 1, within tolerances.
     A curve begins at its first point and ends at its last; d is the same for all curves. A row of Q may hold `parts`
     points, and each point must be within the tolerance. Each result includes the largest distance of the curve from
-    the points. It exceeds the tolerance if there are too few samples."""
+    the points. This distance exceeds the tolerance if there are too few samples."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in batch), strict=True))

@@ -296,7 +296,7 @@ def check(part: Part, path: Path) -> ReadBack:
         rows = cells.get(sheet.name, [])
         require_equal(part, f"rows of {sheet.name}", len(sheet.rows) + (1 if sheet.head else 0), len(rows))
         if sheet.head and tuple(rows[0]) != sheet.head:
-            raise ExportError(f"the head of sheet {sheet.name} of {part.name!r} differs when read back; write it again")
+            raise ExportError(f"the head of {sheet.name} of {part.name!r} differs when read back; write the file again")
     points = _coordinates(cells["StructuralPointConnection"][1:])
     expected = _coordinates([list(row) for row in _sheet(sheets, "StructuralPointConnection").rows])
     if not (np.abs(points - expected) <= NUMBERS_READ_BACK * np.abs(expected).max()).all():

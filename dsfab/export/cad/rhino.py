@@ -48,7 +48,7 @@ def require_rhino3dm(what: str = ".3dm files need") -> None:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the archive without times, from memory, because a direct write would also store the name of the file."""
+    """Yield the archive without times, and without the name of the file, which a direct write would store."""
     model = empty_model()
     ids = ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
     layers = {MESH: new_layer(model, ids, MESH, GREY)}
@@ -90,8 +90,7 @@ Ids = Callable[[str], uuid.UUID]
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function from names to UUIDs that depend on the arrays, so that a Rhino model can hold several
-    designs."""
+    """Return a function from names to UUIDs that depend on the arrays, so that several designs can share a model."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())

@@ -29,7 +29,7 @@ def prepare_stl(part: Part) -> Part:
 
 def encode_stl(part: Part) -> Iterator[bytes]:
     """Yield the header, the number of triangles, then 50 bytes for each triangle.
-    The header must not begin with "solid", the mark of text files. It ends with a zero for admesh, which prints it."""
+    The header must not begin with "solid", the mark of text files. A zero ends the header, because admesh prints it."""
     records = np.zeros(len(part.F), dtype=_RECORD)
     corners = part.V[part.F]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

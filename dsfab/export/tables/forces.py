@@ -30,7 +30,7 @@ READ = 1e-6  # largest error of numbers that are read back, over the largest num
 
 
 def prepare_fields(part: Part) -> Part:
-    """Return the part with the fields of a VTU file, one value per face; each name begins with its case."""
+    """Return the part with the fields of a VTU file, one value per face; each name begins with the load case."""
     details = part.details
     values = {name: column for name, column in _faces(part).items() if not name.startswith(("centre", "area"))}
     for case, forces in details.section_forces.items():

@@ -231,7 +231,7 @@ def step_string(name: str) -> str:
     return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
 
 
-FACETED_DIGITS = 5  # decimals (mm) of corners of planar faces, as precise as the file states; planes are found before
+FACETED_DIGITS = 5  # decimals (mm) of corners of planar faces, as precise as the file states
 
 _COORDINATES = f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f)"
 _RATIOS = "DIRECTION('',(%d.,%d.,%d.))"
@@ -294,8 +294,8 @@ def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, in
 def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
-    """Yield the entities of one kind after another, so that memory holds one kind at a time.
-    vectors, normals : distinct directions, and the index of that of each edge or face.    digits : of normals."""
+    """Yield the entities of one kind after another, so that memory holds one kind at a time. digits : of normals.
+    vectors, normals : distinct directions, and the number of the direction of each edge or face."""
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])

@@ -138,7 +138,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
 def _require_same(part: Part, path: Path, text: str) -> None:
     if path.read_bytes() != text.encode("ascii"):
-        raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
+        raise ExportError(f"the STEP file of {part.name!r} differs from the checked text; write it again")
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:

@@ -38,7 +38,7 @@ class StepTriangles(NamedTuple):
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
     """Return OCCT's triangles after points at the same place were merged."""
-    same_place = 1e-9  # share of the diagonal; OCCT triangulates faces alone, so shared points differ by rounding
+    same_place = 1e-9  # points nearer than this share of the diagonal are equal; OCCT triangulates each face alone
     grid = np.round(mesh.V / (same_place * float(np.linalg.norm(np.ptp(mesh.V, axis=0)))))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     F = point_number.reshape(-1)[mesh.F]
@@ -53,7 +53,7 @@ def curved_soundness(
     deflection : largest distance of the triangles from curved faces in metres; 0 without such faces.
     shape      : OCCT's binary shape of the file.    on_redraw : called before faces are redrawn.
 
-    The first triangles decide about all faults except crossings, for which faces are redrawn more finely. Raises
+    Crossings are tested again with finer triangles; the first triangles decide about all other faults. Raises
     ExportError if OCCT takes too long."""
     sound, triangles = soundness(first_triangles.V, first_triangles.F), first_triangles
     crossing_faces: Ints = np.zeros(0, dtype=np.int64)

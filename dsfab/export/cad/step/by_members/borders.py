@@ -16,12 +16,13 @@ from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, sig
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
-TOUCHING_SHARE = 1 / 400  # smallest distance of an outline's parts over the thickness; usually it is six times larger
+TOUCHING_SHARE = 1 / 400  # an outline's parts touch below this distance over the thickness; few come so near
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
     """Return the chains around a region that cross or nearly touch each other, seen along the region's mean normal.
-    Chains nearly touch if an end of one is within `distance` mm of the other. In an outline inside out, all count."""
+    Chains nearly touch if an end of one is within `distance` mm of the other. If the region is inside out, all chains
+    are returned."""
     finest = 12  # a cubic gets at most 12 chords; the chords are short at its ends, where chains cross at small angles
     segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
@@ -204,7 +205,7 @@ class _BorderEnds:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def move_border(self, node: int) -> None:
-        sharp = 20.0  # degrees; borders at flatter turns of the outline stay, or a dome would get 5 % more faces
+        sharp = 20.0  # degrees; borders at flatter turns stay, because moving them gave a dome 5 % more faces
         gain = 15.0  # a new place must be at least 15 degrees steeper
         steep = 30.0  # a border that meets the outline at 30 degrees or more is not moved
         before, after, (seam, end) = self.nodes[node]
@@ -223,7 +224,7 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Return the rank of a place for a border's end: by angle up to 45 degrees, then ends of whole arcs first."""
+        """Return the rank of a place for a border's end: larger angles first, up to 45 degrees, then ends of arcs."""
         enough = 45.0  # places steeper than 45 degrees rank equal
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep

@@ -114,7 +114,7 @@ def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
 
 @dataclass(frozen=True, eq=False)
 class _TriangleReport:
-    """Report on OCCT's triangles. there, back : distances from the mesh, and of the mesh from the triangles.
+    """Report on OCCT's triangles. there, back : distances of the triangles from the mesh, and back.
     shape : OCCT's binary shape.    fault : reason why the triangles bound no solid, or why OCCT cannot tell."""
 
     there: MeshDistances

@@ -152,7 +152,7 @@ class NetWriter:
 
 GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges, as a share of the thickness
 PASSES = 3  # largest number of tests for crossing outlines, because changed outlines may cross again
-UNASKED = 7000  # largest number of faces if `hurry` is 1 and nobody requested members; more faces take half a minute
+UNASKED = 7000  # largest number of faces with `hurry` = 1, if the user did not request members; more take half a minute
 
 
 class ManyFacesError(ExportError):

@@ -29,7 +29,7 @@ PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from 
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return curves (4, 6) as poles (2, 4, 2) in the parameters of a face's two surfaces; None off the surfaces."""
+    """Return curves (4, 6) as poles (2, 4, 2) in the parameters of a face's surfaces; None if curves leave them."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
@@ -66,7 +66,7 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
     return bool(np.abs(points - bernstein(PLACES) @ poles).max() < FACE_TOLERANCE)
 
 
-FILLET_SHARE = 1 / 6  # seams extend by tan(turn / 2) times the radius of a fillet: this share of the thickness
+FILLET_SHARE = 1 / 6  # radius of a fillet over the thickness; seams extend by tan(turn / 2) times this radius
 MARGIN = 0.1  # surfaces extend farther than the seam by this share of the seam's extension
 
 LARGE_FILLET_SHARE = 1 / 8
@@ -99,7 +99,7 @@ def curves_beyond(model: NetModel) -> dict[int, Floats]:
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return, by edge, the extensions (2,) at start and end over its length, and the extended poles (4, 6)."""
+    """Return, by edge, the extensions (2,) at start and end over the edge's length, and the extended poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -121,7 +121,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return the extension of a seam over its length after which OCCT's extension misses by `TANGENT_GAP` at most."""
+    """Return the extension of a seam, over its length, beyond which OCCT's extension is at most `TANGENT_GAP` off."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -334,7 +334,7 @@ class CutEdges:
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at `stops`, shares in the direction `ahead`. against : reverse the first part."""
+        """Cut an edge at `stops`, shares of its length in the direction `ahead`. against : reverse the first part."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

@@ -55,7 +55,7 @@ class ChainLine:
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
         """Divide cubics until `may_stay` accepts them: at a chain's end near the middle, or otherwise in the middle."""
         shortest = 1 / 16  # shorter spans are not divided, because poles at the ends of lines may lie outside the box
-        middle_share = 1 / 4  # a chain's end is near the middle of a cubic within this share of the cubic
+        middle_share = 1 / 4  # a chain's end counts as near the middle up to this share of the cubic
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:

@@ -277,7 +277,7 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Return the tangent of half the turn at a corner, a fillet's length over its radius; 0 for a smooth corner."""
+    """Return the tangent of half the turn at a corner: length of a fillet over its radius; 0 for a smooth corner."""
     smooth = np.cos(np.deg2rad(10.0))  # two walls that turn by at most 10 degrees need no fillet
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 

@@ -53,7 +53,7 @@ def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledCha
 
 
 def _corners(angle: Floats) -> Ints | None:
-    blunt_limit = 60.0  # beside the four sharpest corners, no node may turn by more (degrees)
+    blunt_limit = 60.0  # largest turn (degrees) at nodes other than the four sharpest ones
     straight_limit = 30.0  # a node with a smaller turn (degrees) is not a corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)
@@ -244,7 +244,7 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return True for lines of one chain, and for near lines with fewer spans than fits of their single chains."""
+        """Return True for lines of one chain, and for lines near their chains with fewer spans than separate fits."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
@@ -317,7 +317,7 @@ def _turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd,
 def _links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
     """Pair the ends of chains where one line continues: between chains of a region's side, and along smooth outlines.
     An arc may continue an outline, but not a border between members."""
-    smooth = 10.0  # two chains of an outline become one line if it turns by at most 10 degrees
+    smooth = 10.0  # two chains of an outline become one line if the outline turns by at most 10 degrees
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:
         for side in quad.sides:

@@ -181,7 +181,7 @@ class PatchBuilder:
         self.known = dict[int, tuple[list[bytes], Floats | None]]()
 
     def __call__(self, regions: Sequence[int], sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
-        """Return the poles (ku, kv, 4, 4, 6) of each region, or None if its patches are folded or too far off.
+        """Return the poles (ku, kv, 4, 4, 6) of each region; None if its patches are folded or far from the skins.
         sides : bottom, right, top and left side of each region, see `coons`."""
         poles = [[side.tobytes() for side in four] for four in sides]
         changed = [i for i, region in enumerate(regions) if self.known.get(region, ((),))[0] != poles[i]]

@@ -92,7 +92,7 @@ LEAST_COSINE = 0.75
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide regions that bend too much and have a single outline. The first points of the net must be the sheet's."""
+    """Divide regions that bend too much and have a single outline. The net must begin with the sheet's points."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}

@@ -50,7 +50,7 @@ class ChainNet:
     weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
     loops   : by region, with the region on the left.    loose : regions outside of all stripes.
     cell    : (m,) region of each cell of the sheet.
-    parent  : for a region that was cut off another region, this region, which keeps the cells of both.
+    parent  : by region that was cut off another region, the other region, which keeps the cells of both.
     twins   : pairs of points on both sides of a seam, see `StripedSheet`."""
 
     weights: csr_array
@@ -73,8 +73,7 @@ class ChainNet:
 
 
 CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
-"""Function that returns True where lines between points with weights lie on a crease
-(`CreaseSides.lines_on_creases`)."""
+"""Function that tells which lines between points lie on a crease, see `CreaseSides.lines_on_creases`."""
 
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
@@ -359,7 +358,7 @@ class RegionInterior:
         return self.lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in weights], format="csr")))
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
-        """Return (m,) True for cells with a side longer than the thickness, or long for their region's size (m,)."""
+        """Return (m,) True for cells with a side longer than the thickness, or long beside their region's size (m,)."""
         # With points only every 50 mm, a surface of degree 9 waved by 4 mm in a notched region of 200 mm.
         region_share = 1 / 6
         P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]

@@ -91,7 +91,7 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
     return {e for loop in face.loops for e, _ in loop}
 
 
-FILLET_SHARE = 1 / 6  # radius over the thickness of the largest fillet whose part of an edge is exactly on the surface
+FILLET_SHARE = 1 / 6  # radius over the thickness of the largest fillet that needs an edge exactly on the surface
 
 INNER_SHARE = 6 / 7
 """Smallest radius of a fillet on the inner skin over the radius outside. Around one opening the inner edge is a
@@ -178,7 +178,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             limits = zip((radius * half, INNER_SHARE * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 if no place is so far
+            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 if the edge is short
             if x > 1 - shortest_cut:
                 return []
             shares.append(1 - x if end else x)
@@ -209,12 +209,12 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
     """Return the poles of a surface through the first of four groups of points (k, 3); None if that fails.
     The surface must be within `FLUSH_TOLERANCE` of the second group, and within `SPLIT` of the third, on all edges. At
-    the fourth group, inside, it must be within `largest_move` of the old surface."""
+    the fourth group, inside, the surface must be within `largest_move` of the old surface."""
     # The search ends if a residual is above 20 times its limit after three degrees. Of 502 faces that succeeded later,
-    # the worst had 10.3 times; without this rule, faces without a solution took nine tenths of the time.
+    # the worst residual was 10.3 times its limit. Without this rule, faces without a solution took 9/10 of the time.
     hopeless = 20.0
     more_degrees = 6  # the degree of a surface rises by at most 6
-    exact = 5e-8  # OCCT ignores 1e-7 mm, and the rounding of poles takes half of it
+    exact = 5e-8  # OCCT ignores gaps below 1e-7 mm; rounded poles use the other half
     # Weights of the old surface and of a smooth movement, in two trials. With the first pair, faces with three corners
     # of openings were 0.07 to 0.3 mm off other edges, more than `SPLIT`; with the second pair 0.02 mm.
     weights = (1.0, 1e-2), (0.1, 1e-4)
@@ -245,7 +245,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
     """Return the movement (k,) of pole heights that puts the surface onto the first group of points, near the third.
     rows : basis (., k) at each group.    distances : of each group from the surface."""
-    held_weight, move_weight = 1e6, 1e-4  # of the first group and of the movement; the third group has weight 1
+    held_weight, move_weight = 1e6, 1e-4  # weights: first group, and movement; the third group has weight 1
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])

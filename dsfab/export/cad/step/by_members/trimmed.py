@@ -102,7 +102,8 @@ wider at the points of half the edge, the half is invalid. OCCT's cuts set a new
 
 EDGE_WEIGHTS = (100.0, 10.0)
 """Weights of edge points if inner points weigh 1; the second weight is for gaps that stay open with the first. With
-30 one cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by 100 mm."""
+30 instead of 100, one cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by
+100 mm."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
 """Weights of second differences of the movement of poles, which hold poles far from all points. With only the
@@ -238,7 +239,7 @@ def signed_area(P: Floats) -> float:
 def _surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
-    """Fit a surface; return poles, axes, the gap at the edges, and the distance inside. ways : chords of the edges.
+    """Fit a surface; return poles, axes, the gap at the edges, and the distance from inner points. ways : chords.
     The surface lies over a rectangle. If its poles leave the box, it lies over the parallelogram along two chords that
     leaves the box least, because CAD programs compute boxes from poles."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
@@ -310,8 +311,9 @@ def _base_poles(over: FaceDomain) -> Floats:
 
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Return heights of poles over a domain, and the distances of the surface from edges and inner points.
-    Low degrees come first, because high degrees wave between points. If no trial reaches `limits.gap`, the result with
-    a gap up to `SPLIT` and the smallest distance inside wins, or else that with the smallest sum of both."""
+    Low degrees come first, because high degrees wave between points. If no trial reaches `limits.gap`, the trial with
+    a gap up to `SPLIT` and the smallest distance from inner points wins. If there is none, the smallest sum of both
+    distances wins."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):

@@ -215,7 +215,8 @@ def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return equations for the gaps at samples: rows (j, poles), right sides (j,). Inside seams their slope is zero."""
+    """Return equations for the gaps at samples: rows (j, poles) and right sides (j,).
+    Inside a seam, the slope of the gap must be zero at the sample."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # five consecutive gaps give the slope in the middle
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

@@ -81,7 +81,7 @@ class HalvedOutline:
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     """Return True if the chord between points a and b (2,) of a closed line (k, 2) is clear of the line."""
-    clear = 0.3  # least distance of a chord's point from the outline, over that from the chord's nearer end
+    clear = 0.3  # smallest distance of a chord's point from the outline, over its distance from the chord's nearer end
     shares = np.linspace(0, 1, 17)[1:-1]
     P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
@@ -126,7 +126,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest ratio to its limit: of a face's gap, its inner distance, and its distance from box or mesh."""
+    """Return the largest of a face's gap, inner distance, and distance from box or mesh, each over its limit."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles are off by the deflection

@@ -257,7 +257,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        most_lift = 1 / 5  # lift from the mesh over the thickness; chord errors reach a quarter, see `MOST_CHORD`
+        most_lift = 1 / 5  # largest lift from the mesh over the thickness; chord errors have the limit `MOST_CHORD`
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)

@@ -80,7 +80,7 @@ def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
 
 
 def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
-    """Return the midpoints (e, 3) of cubics along edges (e, 2) of P (n, 3). At its ends a cubic is normal to d (n, 3).
+    """Return the midpoints (e, 3) of cubics along edges (e, 2) of P (n, 3), perpendicular to d (n, 3) at their ends.
     With these points, fits do not wave between vertices."""
     N, chord = unit_vectors(d), P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
@@ -127,7 +127,7 @@ LOOP_SHARE = 0.03  # largest tolerance of a loop, as a share of its width, becau
 
 
 def decimals(thickness: float) -> int:
-    """Return the number of decimals of coordinates (mm) whose rounding is small over the thickness (mm)."""
+    """Return the number of decimals of coordinates (mm) whose rounding is negligible for this thickness (mm)."""
     rounding = 3e-5
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 

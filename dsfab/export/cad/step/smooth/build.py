@@ -1,4 +1,4 @@
-"""Smooth STEP of a part: build pieces, let OCCT check each, refit what it refuses, and use facets for the rest.
+"""Smooth STEP of a part: build pieces, let OCCT check each piece, refit refused pieces, and use facets for the rest.
 
 charts, skins -> all pieces -> file -> `findings`  -> `PieceJudge` -> refused pieces: tighter curves
  ^                                                                       |  still refused
@@ -342,7 +342,7 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """Return (k, 3) those of the mesh's corners (n, 3) at walls that are too far from the piece's edges.
+    """Return the mesh corners (k, 3), of those at walls (n, 3), that are too far from the piece's edges.
     OCCT's triangles would also show such corners, but another round with OCCT takes seconds."""
     chord_count, nearest_count = 64, 4  # chords along an edge, and near chords whose distance from a corner counts
     x = np.linspace(0, 1, chord_count + 1)

@@ -22,7 +22,7 @@ SYMMETRIC: dict[str, Any] = {
     "options": {"SymmetricMode": True},
     "diag_pivot_thresh": 0.0,
 }
-"""SuperLU options for factors of symmetric matrices with fewer entries."""
+"""SuperLU options for symmetric matrices; the factors then have fewer entries."""
 
 SWEEPS = 4  # number of rounds of diffusion and choice of charts
 

@@ -362,8 +362,7 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a field (n,) that grows from a chart's steepest normal to the opposite one; None if no normal is
-        too steep."""
+        """Return a field (n,) that grows from a chart's steepest normal to its opposite; None if none is too steep."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N

@@ -138,7 +138,7 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 
 
 def _on_skins(parts: list[_RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
-    """Fit curves on both skins over curves in planes, within `tolerances` (mm); return each with its largest distance.
+    """Fit curves on both skins over plane curves, within `tolerances` (mm); return each curve and its largest error.
     A skin may wave along a simple plane curve; then more samples are taken."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
@@ -225,7 +225,7 @@ def seam_edges(
 ) -> list[SmoothEdge]:
     """Fit one curve for both charts of each seam, half way between their skins."""
     of_edge = 0.05  # tolerance in space over the length of mesh edges; the place of a seam need not be exact
-    of_thickness = 1 / 1000  # tolerance in each chart over the thickness; a gap of both charts may be twice as wide
+    of_thickness = 1 / 1000  # tolerance in each chart over the thickness; the gap between charts may be twice as wide
     runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
     charts = [k for request in requests for k in (request.chart, request.run.beyond)]
     tight = [factor * of_thickness * allowed.thickness for factor in factors]

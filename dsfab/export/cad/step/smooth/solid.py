@@ -55,7 +55,7 @@ class SmoothSkin:
 class SmoothPiece:
     """Piece of the sheet: edges with the keys of their runs, skins, and the widest gap, mm.
     traced : True if edges are also written with their curves on skins and walls.
-    refused : reason why the piece is no single closed shell, or ''."""
+    refused : reason why the piece is not a single closed shell, or ''."""
 
     edges: list[SmoothEdge] = field(default_factory=list)
     keys: list[RunKey] = field(default_factory=list)
@@ -71,7 +71,7 @@ class SmoothPiece:
 
     @property
     def ends(self) -> Floats:
-        """(k, 3) start points of its edges on the upper skin."""
+        """(k, 3) start points of the edges on the upper skin."""
         return np.array([edge.upper.poles[0] for edge in self.edges])
 
 
@@ -289,7 +289,7 @@ class SmoothText:
         return self.new.spline(curve.degree, through, _shared_knot_text(spans * curve.knots))
 
     def _wall(self, edge: SmoothEdge, poles: list[list[int]]) -> int:
-        """Add the ruled surface between an edge's curves; its normal points to their right: outwards."""
+        """Add the ruled surface between an edge's curves; its normal points outwards, to the right of the curves."""
         upper, lower = poles
         rows = map(list, zip(lower, upper, strict=True))
         knots = _shared_knot_text(edge.spans * edge.lower.knots)

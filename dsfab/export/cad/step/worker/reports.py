@@ -15,7 +15,7 @@ from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.worker import program as occt_program
 from dsfab.export.subprocesses import PreparedProgram, ProgramError, last_line
 
-SECONDS, SECONDS_PER_MB = 60.0, 10.0  # limits of the time for reading: a constant part, and seconds per megabyte
+SECONDS, SECONDS_PER_MB = 60.0, 10.0  # time limit for reading: seconds, and seconds per megabyte
 
 
 def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]:
@@ -40,7 +40,7 @@ class StepMesh:
 
 def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
     """Read the solids of a STEP file as triangles; raises ExportError if OCCT cannot read it or takes too long.
-    deflection : largest distance from curved faces, mm; a share of the solids' size if 0."""
+    deflection : largest distance from curved faces, mm; 0 means `DEFLECTION_SHARE` of the solids' size."""
     with tempfile.TemporaryDirectory() as folder:
         return mesh_in(folder, _drawn(path, folder, *((str(deflection),) if deflection else ())))
 
@@ -148,7 +148,7 @@ def _finding(record: dict[str, Any], path: Path) -> OcctFinding:
 
 
 def distinct_points(points: Floats) -> tuple[Floats, Ints]:
-    """Return the distinct rows of points (k, 3) in order, and the index of each: `np.unique`, four times as fast."""
+    """Return the distinct points in order, and the index (k,) of each of the points (k, 3); faster than `np.unique`."""
     order = np.lexsort(points.T[::-1])
     ranked = points[order]
     is_first = np.ones(len(points), dtype=bool)
