@@ -82,7 +82,6 @@ def export(
     quiet: Quiet = False,
 ) -> int:
     """Write one file: the solid, a sheet, lines, a drawing, fields, or a finite element model to check the statics.
-
     Parameters
     ----------
     preset

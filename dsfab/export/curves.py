@@ -16,8 +16,8 @@ from dsfab.export.readback import ReadBack, require_equal
 from dsfab.export.splines import SAMPLES_PER_SPAN, LeastSquares, Spline, hats_within
 from dsfab.surface import polyline_length
 
-KNOT_DIGITS = 4  # decimals of knots, which are millimetres along the polyline
-AT_ONCE = 5_000  # number of samples in one batch of lines, whose arrays fit into the processor's cache
+KNOT_DIGITS = 4  # decimals of knots (millimetres along the polyline)
+AT_ONCE = 5_000  # number of samples in one batch of lines, so that its arrays fit into the processor's cache
 
 THIRDS = np.arange(4) / 3
 POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
@@ -27,7 +27,7 @@ Refined = tuple[Floats, Floats, int, float]  # knots, poles, degree, and the lar
 
 @dataclass(frozen=True, eq=False)
 class SampledLine:
-    """A polyline (k, d), the lengths along it (k,), its total length rounded to 1e-4 mm, and the number of samples.
+    """Polyline `line` (k, d) with arc lengths (k,), total length (mm, rounded), and the number `count` of its samples.
     smooth : True for a closed line whose spline has the same tangent at both ends."""
 
     line: Floats
@@ -45,7 +45,7 @@ class SampledLine:
 
     @property
     def bow(self) -> float:
-        """Largest distance between the line and the chord of its ends, at equal shares of the length."""
+        """Largest distance of the line from its chord, between points at equal shares of both lengths."""
         share, start, end = self.length / self.length[-1], self.line[0], self.line[-1]
         return float(np.linalg.norm(self.line - start - share[:, None] * (end - start), axis=1).max())
 
@@ -61,14 +61,14 @@ class SampledLine:
 
     @cached_property
     def check_points(self) -> tuple[Floats, list[Floats]]:
-        """Ascending lengths (q,) and d arrays (q,) of the line's coordinates there, to compare with the spline."""
+        """Return lengths (q,) at which spline and line are compared, and the line's d coordinates (q,) there."""
         finer = 4 * self.count
         share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
         return share * self.total, self._points_at(share)
 
     @property
     def breaks(self) -> Floats:
-        """Ends of the spans (s,) of the first attempt: one span, or two for a smooth line."""
+        """(s,) ends of the spans for the first fit: one span, or two for a smooth line."""
         return np.array([0.0, self.total / 2, self.total] if self.smooth else [0.0, self.total])
 
     def _points_at(self, shares: Floats) -> list[Floats]:
@@ -77,7 +77,7 @@ class SampledLine:
 
 def splines_by_halving(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | None]:
     """Fit a spline to each line; spans are halved until the spline is within the tolerance.
-    A line gets None instead of a spline if the tolerance needs more samples than the line has."""
+    A line gets None if it has too few samples for the tolerance."""
     splines: list[Refined | None] = [None] * len(runs)
     for batch in _batches(runs):
         breaks = {k: runs[k].breaks for k in batch}
@@ -90,8 +90,7 @@ def splines_by_halving(runs: Sequence[SampledLine], tolerance: float) -> list[Re
             ):
                 run, worst = runs[k], float(errors.max())
                 if worst <= tolerance:
-                    knots = np.concatenate([[0.0] * 3, span_ends, [run.total] * 3])
-                    splines[k] = knots, poles[low:high], 3, worst
+                    splines[k] = np.concatenate([[0.0] * 3, span_ends, [run.total] * 3]), poles[low:high], 3, worst
                     continue
                 bad = np.flatnonzero(errors > tolerance)
                 if not ((span_ends[1:] - span_ends[:-1])[bad] < 2 * SAMPLES_PER_SPAN * run.total / run.count).any():
@@ -132,7 +131,7 @@ class _SplineSystem:
         return np.concatenate(counts)
 
     def _hats(self, x: Floats, counts: Ints) -> tuple[Floats, Ints]:
-        """Return the nonzero basis functions (4, k) at lengths x, and the number of the first of each four (k,)."""
+        """Return values (4, k) of the nonzero basis functions at lengths x (k,), and numbers (k,) of the first ones."""
         spans = np.array([len(span_ends) - 1 for span_ends in self.breaks])
         row, span = np.repeat(np.arange(len(spans)), spans), np.arange(spans.sum())
         span -= np.repeat(np.cumsum(spans) - spans, spans)
@@ -141,8 +140,8 @@ class _SplineSystem:
 
     def poles(self) -> Floats:
         """Return the poles (n, d) of the least-squares cubic splines between the first and last samples.
-        Smooth lines share one unknown tangent d at both ends: pole 1 is pole 0 + a d, the last but one is the last - b
-        d, with a and b a third of the first and the last span."""
+        A smooth line has one unknown tangent d for both ends. Its second pole is the first + a d, and its last but one
+        is the last - b d; a and b are thirds of the first and the last span."""
         lengths = [run.sample_lengths for run in self.runs]
         values, first_hats = self._hats(np.concatenate(lengths), self._span_counts(lengths))
         points = np.concatenate([run.samples for run in self.runs])
@@ -160,9 +159,7 @@ class _SplineSystem:
         return self._smooth_poles(system, poles, points, tangent) if tangent.any() else poles
 
     def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
-        """Add the shared tangent d of each smooth line.
-        This tangent couples the first and the last poles, which lie outside of the band of the matrix. So the system is
-        solved without the tangent first, and then for the tangent alone."""
+        """Add the tangent d of each smooth line; d couples its first and last poles, outside the matrix's band."""
         free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
         along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
@@ -174,7 +171,7 @@ class _SplineSystem:
         return poles
 
     def errors(self, poles: Floats) -> list[Floats]:
-        """Return the largest distance of each span from the polyline, for each line; poles (n, d)."""
+        """Return, for each line, the largest distance (s,) of each span from the polyline; poles (n, d)."""
         begin = np.concatenate([lengths[:-1] for lengths in self.breaks])
         wide = np.concatenate([lengths[1:] - lengths[:-1] for lengths in self.breaks])
         four = (begin[:, None] + wide[:, None] * THIRDS).ravel()
@@ -194,7 +191,7 @@ class _SplineSystem:
 
 
 SHARP = np.deg2rad(35.0)
-"""An outline has a corner where it turns by more than this (radians); chords of a fillet turn by at most 34 degrees."""
+"""Smallest turn (radians) at a corner of an outline. Chords of a fillet turn by at most 34 degrees."""
 SPANS = 4
 """Largest number of spans of one edge of a plane face. CAD programs integrate volumes with a few points on each edge,
 however many spans the edge has. Openings with edges of 6 to 40 spans changed a plate's volume by 0.1 to 0.5 %. With 4
@@ -311,9 +308,9 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
 
 CLOSEST = 1e-3  # smallest tolerance of curves along exact lines (mm)
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
-"""Limits of the samples of a spline. A spline with more samples has more poles than the polyline points, and takes
-long to fit."""
-REMEMBERED = 4096  # largest number of lines in the cache of curves, which the next format of a design reuses
+"""Largest number of samples of a curve: a number per point of the polyline, but at least `FEWEST_SAMPLES`. With
+more samples the curve could have more poles than the polyline has points."""
+REMEMBERED = 4096  # number of lines whose curves stay in a cache for the next format of the same design
 
 
 def curve_tolerance(part: Part) -> float:
@@ -327,9 +324,8 @@ def chains(part: Part) -> list[list[Curve]]:
 
 
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
-    """Fit curves to a polyline (k, 3) within `tolerance` (mm); they begin and end at its sharp turns.
-    A closed line without corners becomes one smooth curve. It has the polyline's own segments where no spline
-    meets the tolerance."""
+    """Fit curves to a polyline (k, 3) within `tolerance` (mm); curves begin and end at its sharp turns.
+    A closed polyline without sharp turns becomes one smooth curve. Segments remain where no spline is close enough."""
     return all_curves_along([points], tolerance)[0]
 
 
@@ -366,7 +362,7 @@ def _runs(points: Floats) -> Iterator[Polyline]:
     closed = len(points) > 2 and bool((points[0] == points[-1]).all())
     corners = np.flatnonzero(_sharp(points, closed))
     smooth = closed and not len(corners)
-    if closed and len(corners):  # the chain begins at a corner
+    if closed and not smooth:  # the chain begins at a corner
         points = np.concatenate([points[corners[0] : -1], points[: corners[0] + 1]])
         corners = (corners - corners[0])[1:]
     for a, b in pairwise([0, *corners.tolist(), len(points) - 1]):
@@ -405,10 +401,8 @@ def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
 
 
 def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> ReadBack:
-    """Compare the curves that a reader found in a file with the lines of a part.
-    curves_read : by line id, points (k, 3) along each curve of the line (mm).
-    The total length must agree within the tolerance of `check_length`, and each line must be at its place.
-    Raises ExportError if the file differs from the part."""
+    """Compare the curves that a reader found in a file with the lines of a part: total length, and place of each line.
+    curves_read : by line id, points (k, 3) along each curve of the line (mm). Raises ExportError for a difference."""
     lines = {line.id: line.points for line in part.details.lines}
     require_equal(part, "lines", lines.keys(), curves_read.keys())
     error = check_length(part, sum(polyline_length(points) for curves in curves_read.values() for points in curves))
@@ -423,7 +417,7 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
 
 
 def check_length(part: Part, length_read: float) -> float:
-    """Return the relative error of a length read back (mm); raises ExportError if it is too large."""
+    """Return the relative error of the lines' length read back (mm); raises ExportError if the error is too large."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(

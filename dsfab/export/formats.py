@@ -53,12 +53,11 @@ class Format:
 @dataclass(frozen=True)
 class MeshFormat(Format):
     """A format for solids, or for any mesh.
-
     sheets       : True if the format can contain an open sheet.
-    alternatives : returns alternatives of the part, the best first; `write` chooses the first that passes the check. An
-                   ExportError in place of a part means that `write` skips this alternative without a trial.
-    sentence     : returns a sentence about the chosen alternative; its second argument: errors of the refused ones.
-    refusal      : returns the error to raise if all alternatives failed."""
+    alternatives : yields versions of the part, the best first; `write` chooses the first that passes the check. An
+                   ExportError in place of a version says why this version was not tried.
+    sentence     : returns a sentence about the chosen version, from this version and the errors of refused versions.
+    refusal      : returns the error to raise if all versions were refused, from their errors."""
 
     sheets: bool = True
     alternatives: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
@@ -68,8 +67,8 @@ class MeshFormat(Format):
 
 @dataclass(frozen=True)
 class SheetFormat(Format):
-    """A format for lines on a sheet, or for fields on a sheet.
-    content : lines on a sheet; a solid and lines; or fields of the uncut surface.
+    """A format for lines or fields of a sheet.
+    content : required content of the part: lines; a solid and lines; or fields.
     curves  : True if the format contains smooth curves and so needs exact lines."""
 
     content: Literal["lines", "solid and lines", "fields"] = "lines"
@@ -187,11 +186,10 @@ def write(
     note    : receives a sentence on the chosen route of a STEP file, and why better routes failed.
     report  : receives size, seconds, number of triangles or faces, and the error of the volume.
 
-    Equal input gives equal bytes. A second reader must find the same closed triangles and the same volume (for a sheet
-    the same area) within 0.1 %. The file gets its name only after this check. After a failure an older file is
-    unchanged. Raises ExportError: unknown suffix, a missing library, a sheet where the format needs a solid, no lines,
-    a shape that the format cannot contain, too many faces for STEP, no permission or space, a file that reads back
-    different."""
+    Equal input gives equal bytes. A second reader must find the same closed triangles, and volume (of a sheet: area)
+    within 0.1 %. The file gets its name only after this check; after a failure an older file is unchanged.
+    Raises ExportError for an unknown suffix, a missing library, a part without the content that the format needs, too
+    many faces for STEP, no permission or space, and a file that differs from the part when read back."""
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)
     form.ready()
@@ -280,7 +278,7 @@ def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: P
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix in lower case; both words if two name the format (`.lines.step`, `members.json`)."""
+    """Return the suffix in lower case, with both words if the format has two (`.lines.step`, `members.json`)."""
     double = "".join(path.suffixes[-2:]).lower()
     file_name = f".{path.name}".lower() if path.suffix else ""
     return next((name for name in (file_name, double) if name in FORMATS), path.suffix.lower())

@@ -28,7 +28,6 @@ NO_PAIRS.setflags(write=False)
 
 class DividedSheet(NamedTuple):
     """A sheet divided into charts.
-
     V, F      : (n', 3) vertices and (m', 3) faces, metres; separate pieces of the sheet share no vertices.
     D         : (n', 3) half-thickness vectors, metres.
     chart     : (m',) number of the chart of each face.
@@ -45,7 +44,6 @@ class DividedSheet(NamedTuple):
 
 class StripedSheet(NamedTuple):
     """A sheet divided along the edges of all its stripes, also where an edge is covered by another stripe.
-
     F       : (m, 3) cells, oriented as the uncut surface.
     weights : (n', n) barycentric weights of the sheet's vertices on the vertices of the uncut surface.
     label   : (m,) number of the set of stripes that cover a cell.    loose : (m,) True for cells outside stripes.
@@ -61,7 +59,6 @@ class StripedSheet(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Curved:
     """The surface of a cut sheet, with functions that divide the sheet.
-
     V, F  : (n, 3) vertices and (m, 3) faces of the uncut, oriented surface, metres.
     D     : (n, 3) half-thickness vectors at these vertices, metres.
     shift : offset of the sheet's middle from the surface as a multiple of D: 0, 1 or -1.
@@ -87,7 +84,6 @@ class Curved:
 @dataclass(frozen=True, eq=False)
 class MemberShape:
     """A closed mesh and the lines of a member, or of a part of it, in metres or millimetres.
-
     id    : name of the member.    layer : family or kind: "major", "minor", "rim", "keep", "fill".
     V, F  : (n, 3), (m, 3) vertices and triangles of the body; triangles counter-clockwise seen from outside.
     axis  : (k, 3) points along the middle of the member; (0, 3) if the member has no axis.
@@ -158,7 +154,7 @@ class Details:
 
     @property
     def beam_model(self) -> "Frame":
-        """The beam model; the details must have one."""
+        """Beam model of the members, which must exist."""
         assert self.frame is not None
         return self.frame
 
@@ -211,8 +207,8 @@ class Part:
     simpler    : True if earlier changes removed triangles of the solid.
     curved     : returns the sheet for smooth STEP; None if only the solid is known.
     cut        : True to test a smooth file by a trial cut with OCCT, unless this cut would take long.
-    hurry      : 0 if the user chose the route of smooth STEP, or 1 or more. A number above 0 limits the effort: the
-                 layouts to try, and the numbers of walls and faces, as multiples of numbers that are quick."""
+    hurry      : 0 without limits, because the user chose the route; otherwise a factor, 1 or more, of the largest
+                 numbers of layouts, walls and faces that are quick."""
 
     V: Floats
     F: Ints
@@ -307,5 +303,4 @@ def open_edges(F: Ints) -> int:
     if np.array_equal(forward, backward) and len(forward) + len(backward) == len(keys):
         return 0  # nearly all meshes pass this quick test, which takes a tenth of the time
     keys, edge = np.unique(keys, return_inverse=True)
-    balance = np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))
-    return int(np.count_nonzero(balance))
+    return int(np.count_nonzero(np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))))

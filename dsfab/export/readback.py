@@ -12,13 +12,13 @@ from dsfab.core.limits import READ_BACK
 from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
 from dsfab.surface import bounding_box, polyline_length, signed_volume, total_area
 
-NUMBERS_READ_BACK = 1e-9  # largest error of numbers of 10 or more digits that are read back, over the largest number
+NUMBERS_READ_BACK = 1e-9  # largest error of numbers with 10 or more digits when read back, over the largest number
 
 
 @dataclass(frozen=True)
 class ReadBack:
-    """Content that a reader finds in a file: the count of `what` (faces, say), the relative error of a measure or NaN.
-    measure : volume of a solid, area of a sheet, length of lines."""
+    """Content that a reader finds in a file: count of `what`, for example faces, and the relative error of a measure.
+    measure : volume of a solid, area of a sheet, length of lines.    off : its error; NaN if there is no measure."""
 
     count: int
     what: str
@@ -33,13 +33,13 @@ class ReadBack:
 
 
 _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
-"""Odd numbers without a pattern, one per coordinate, so that products of different bits differ."""
+"""Odd factors, one per coordinate, for a hash of the bits; different bits then give different products."""
 
 
 def read_with_igl(path: Path) -> tuple[Floats, Ints]:
     """Read vertices (n, 3) and faces (m, 3) of an STL or PLY file unchanged.
-    libigl saves half a second, the time to import trimesh. trimesh reads files whose path has characters beyond ASCII,
-    because libigl cannot open them on every system. Raises ExportError if the file is not such a mesh."""
+    libigl is imported half a second faster than trimesh, but cannot open paths beyond ASCII on every system. Raises
+    ExportError if the file is not such a mesh."""
     if not str(path).isascii():
         return read_with_trimesh(path)
     import igl
@@ -121,8 +121,7 @@ def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
 
 def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
     """Return the distinct rows of an array (k, 3), and the index (k,) of each row among the distinct rows.
-    A hash of the bits identifies a row, in a sixth of the time of comparing rows. If two hashes collide, the function
-    compares the rows directly."""
+    Hashes of the bits identify rows six times as fast as comparisons; if two hashes collide, the rows are compared."""
     rows = rows + 0.0  # the sum turns -0 into 0
     bits = np.ascontiguousarray(rows).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
@@ -155,8 +154,7 @@ def layer_colour(layer: str) -> tuple[int, int, int]:
 
 def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> ReadBack:
     """Compare meshes by name, V (n, 3) in millimetres and F (m, 3), with the part's members.
-    Each mesh must be closed, with the member's number of triangles, its place, and its volume within 0.1 %; else
-    ExportError."""
+    Raises ExportError unless each mesh is closed and has its member's triangles, place, and volume within 0.1 %."""
     shapes = part.details.shapes
     require_equal(part, "members", [shape.id for shape in shapes], list(meshes_read))
     total = total_read = 0.0
@@ -168,6 +166,6 @@ def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> 
         moved = float(np.abs(V[F].mean(axis=(0, 1)) - shape.V[shape.F].mean(axis=(0, 1))).max())
         is_near = abs(volume - volume_read) <= READ_BACK * volume and moved <= READ_BACK * size
         if open_edges(F) or not is_near:
-            raise ExportError(f"the member {shape.id} of {part.name!r} reads back changed; write .members.json instead")
+            raise ExportError(f"the member {shape.id} of {part.name!r} differs when read back; write .members.json")
         total, total_read = total + volume, total_read + volume_read
     return ReadBack(len(meshes_read), "members", total_read / total - 1)

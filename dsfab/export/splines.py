@@ -45,9 +45,7 @@ def arc_lengths(line: Floats) -> Floats:
 
 
 def even_samples(line: Floats) -> tuple[Floats, Floats]:
-    """Return parameters in [0, 1] and points evenly along a polyline (k, d), many more than it has vertices.
-
-    The number of intervals is a power of two."""
+    """Return parameters (k,) in [0, 1] and points (k, d) evenly along a polyline; k is a power of two plus 1."""
     count = 1 << (min(max(16 * len(line), 64), 4096) - 1).bit_length()
     length = arc_lengths(line)
     x = np.arange(count + 1) / count
@@ -62,13 +60,13 @@ def bernstein(x: Floats) -> Floats:
 
 
 def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
-    """Return the number of the first of the four nonzero cubic basis functions at x (k,), and the values (k, 4)."""
+    """Return, for each x (k,), the number (k,) of the first nonzero cubic basis function and the four values (k, 4)."""
     first_hats, values, _ = hats(x, knots)
     return first_hats, values
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return the first of the four nonzero cubic basis functions at x (k,), their values and slopes (k, 4)."""
+    """Return first numbers (k,) and values (k, 4) as `basis` does, and also slopes (k, 4), at x (k,)."""
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
     values, shares = hats_within(x, knots, span)
@@ -79,8 +77,8 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
-    """Return values (4, k) of the nonzero cubic basis functions at x (k,), each x between knots[span] and the next
-    knot. The second result (3, k), values of degree 2 over their supports' widths, gives the slopes [de Boor 1978]."""
+    """Return values (4, k) of the nonzero cubic basis functions at x (k,), from knots[span] to knots[span + 1].
+    Also return (3, k) quadratic basis functions divided by their supports' widths, for the slopes [de Boor 1978]."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
     values = shares = np.ones((1, len(x)))
@@ -108,7 +106,7 @@ class LeastSquares:
 
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
-        """Factor the normal matrix (n, n) of basis functions at k samples; `first_hats` are the `first` of the class.
+        """Factor the normal matrix (n, n) of k samples; `first_hats` is the class's `first`.
         first_poles : (r,) number of the first pole of each curve."""
         factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)
         if failed:
@@ -123,7 +121,7 @@ class LeastSquares:
         return np.asarray(solution)
 
     def values_at_samples(self, poles: Floats, samples: Ints | slice = slice(None)) -> Floats:
-        """Return values (k, d) of the splines with poles (n, d) at the samples, or at a subset of them."""
+        """Return points (k, d) of the splines with poles (n, d) at the samples, or at some of the samples."""
         first_hats, values = self.first[samples], self.values[:, samples]
         return np.asarray(sum(values[i][:, None] * poles[first_hats + i] for i in range(4)))
 
@@ -151,7 +149,7 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
             band[j - i] += np.bincount(first_hats + i, values[i] * values[j], n)
     band[0, fixed_poles] = 0.0
     size = np.diff(np.append(first_poles, n))
-    # a small diagonal keeps spans without samples solvable
+    # a small number on the diagonal makes the system solvable if a span has no samples
     band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], first_poles) / (size - 2), size)
     band[0, fixed_poles] = 1.0
     for below in range(1, 4):
@@ -164,7 +162,7 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
 class SplineRows:
     """Samples of several curves, one curve after the other; r counts the curves, k the samples.
     number : (r,) number of the curve.    count, first, last : (r,) number of its samples; its first and last sample.
-    row    : (k,) curve of each sample.    x, Q, parts : see `splines_through`.    tolerance : (r,) metres."""
+    row    : (k,) curve of each sample.    x, Q, parts, tolerance : see `splines_through`."""
 
     number: Ints
     count: Ints
@@ -185,7 +183,7 @@ class SplineRows:
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
     def subset(self, chosen: Bools) -> "SplineRows":
-        """Return the chosen curves (r,)."""
+        """Return the samples of the curves that `chosen` (r,) marks."""
         chosen_samples = chosen[self.row]
         number, count, tolerance = self.number[chosen], self.count[chosen], self.tolerance[chosen]
         x, Q = self.x[chosen_samples], self.Q[chosen_samples]
@@ -193,12 +191,12 @@ class SplineRows:
 
     @property
     def line(self) -> Floats:
-        """Points (k, d) on the chords between the ends."""
+        """(k, d) points on the chord of each curve, at the samples' x."""
         start, end = self.Q[self.first], self.Q[self.last]
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return the distance (k,) of each sample from `points` (k, d); with several parts, the largest distance."""
+        """Return the distance (k,) of each sample from `points` (k, d): the largest distance of its `parts`."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
@@ -230,7 +228,7 @@ class RowSpans:
         return knots
 
     def with_halves(self, bad: Bools, unfinished: Bools, rows: SplineRows) -> "RowSpans":
-        """Return the spans of unfinished curves (r,), with the inaccurate spans (s,) halved."""
+        """Return the spans of the unfinished curves (r,) after the `bad` spans (s,) were halved."""
         stays = unfinished[self.row]
         low, high, two = self.low[stays], self.high[stays], bad[stays]
         row = (np.cumsum(unfinished) - 1)[self.row[stays]]
@@ -242,18 +240,18 @@ class RowSpans:
         return RowSpans(low, high, row, first_half[span] + (two[span] & (x >= middle[span])))
 
 
-SAMPLES_PER_SPAN = 6  # smallest number of samples for each span of a curve, which oscillates between fewer samples
-AT_ONCE = 20_000  # number of samples in one batch of curves, whose arrays fit into the processor's cache
+SAMPLES_PER_SPAN = 6  # smallest number of samples per span; a curve oscillates between fewer samples
+AT_ONCE = 20_000  # number of samples in one batch of curves, so that its arrays fit into the processor's cache
 Fitted = tuple[Spline, float]  # a curve, and its largest distance from its samples
 
 
 def splines_through(
     samples: Sequence[tuple[Floats, Floats]], tolerances: Sequence[float], parts: int = 1
 ) -> list[Fitted]:
-    """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) in [0, 1], within tolerances.
-    x rises from 0 to 1, and d is equal for all curves. A curve begins at its first point and ends at its last. A row of
-    Q can join the coordinates of several points: `parts` is their number, and each point must keep the tolerance. The
-    result includes the largest distance, which exceeds the tolerance if samples are too few for more spans."""
+    """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) from 0 to 1, within tolerances.
+    A curve begins at its first point and ends at its last; d is the same for all curves. A row of Q may hold `parts`
+    points, and each point must be within the tolerance. Each result includes the largest distance of the curve from
+    the points. This distance exceeds the tolerance if there are too few samples."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in batch), strict=True))
@@ -298,7 +296,7 @@ def _parabolas(rows: SplineRows, fits: dict[int, Fitted]) -> SplineRows:
 
 
 def _cubics(rows: SplineRows, fits: dict[int, Fitted]) -> None:
-    """Store cubics; inaccurate spans are halved until all are accurate or have too few samples."""
+    """Store cubics after halving inaccurate spans as often as the samples allow."""
     spans = RowSpans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
     rounds = 14  # the shortest span is 2^-14 of its curve
     for turn in range(rounds):

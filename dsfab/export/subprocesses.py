@@ -50,7 +50,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Do `work` once: while the first program in this context runs, or else at the end. After an exception, skip it."""
+    """Do `work` once: while the first program in this context runs, or else at the end unless there is an exception."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -62,8 +62,7 @@ def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
 
 def run_program(program: str, *arguments: str, seconds: float) -> str:
     """Return the output of the Python file `program`.
-    Raises subprocess.TimeoutExpired after `seconds` of processor time, and ProgramError for an exit code other than 0.
-    """
+    Raises subprocess.TimeoutExpired after `seconds` of processor time, and ProgramError unless the exit code is 0."""
     with _start(program, *arguments, stdin=None) as run:
         try:
             return _answer(run, seconds)
@@ -72,7 +71,7 @@ def run_program(program: str, *arguments: str, seconds: float) -> str:
 
 
 def last_line(program: str, *arguments: str, seconds: float) -> str:
-    """Return the last line of output of the Python file `program`; raises as `run_program`, also without output."""
+    """Return the last line of output of the Python file `program`; raises as `run_program`, and for an empty output."""
     return _last(run_program(program, *arguments, seconds=seconds))
 
 
@@ -94,7 +93,7 @@ class PreparedProgram:
             pass
 
     def send(self, *arguments: str) -> None:
-        """Send the arguments; `answer` returns the output, after which nothing can be sent."""
+        """Send the arguments; this is possible only before `answer`."""
         if self._run.stdin:
             with suppress(BrokenPipeError):  # the program has ended; its error output contains the reason
                 self._run.stdin.write(json.dumps(arguments) + "\n")
@@ -105,7 +104,7 @@ class PreparedProgram:
         return _last(_answer(self._run, seconds))
 
     def answer_with_work(self, is_ready: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
-        """Return `answer`; run `work` as soon as `is_ready()` is true, while the program continues."""
+        """Return the answer; call `work` as soon as `is_ready()` is true, while the program continues."""
         with ThreadPoolExecutor(1) as reading:
             pending = reading.submit(_answer, self._run, seconds)
             try:
@@ -137,7 +136,7 @@ def _limit_time(run: "subprocess.Popen[str]", seconds: float) -> float:
         return seconds
     soft_limit = max(1, round(seconds))
     with suppress(OSError):  # the program has ended, or the system forbids the limit
-        resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # the signal would write a core dump
+        resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # otherwise the signal writes a core dump
         _, system_limit = resource.prlimit(run.pid, resource.RLIMIT_CPU)
         grace = 5  # seconds between the first signal, which a program can handle, and its end
         hard_limit = soft_limit + grace

@@ -19,15 +19,15 @@ from typing import Any
 
 from dsfab.core.errors import ExportError
 
-TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")  # zeros after decimals, a quarter of a STEP file
+TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")  # zeros at the end of decimals, a quarter of a STEP file
 
 
 def rows(template: str, *columns: Any) -> Iterator[str]:
-    """Format `template % row` for every row of the columns (sequences of equal length), in pieces of many rows."""
+    """Format `template % row` for every row of the columns (sequences of equal length), in pieces that save memory."""
     size = 10_000
     for start in range(0, len(columns[0]), size):
         sliced = [column[start : start + size] for column in columns]
-        pieces = [piece.tolist() if hasattr(piece, "tolist") else piece for piece in sliced]  # pieces save memory
+        pieces = [piece.tolist() if hasattr(piece, "tolist") else piece for piece in sliced]
         yield (template * len(pieces[0])) % tuple(chain.from_iterable(zip(*pieces, strict=True)))
 
 
@@ -48,7 +48,7 @@ def one_line(name: str) -> str:
 
 PARTIAL = ".partial"
 _WHOSE = re.compile(r"-([0-9a-f]{8})-(\d+)-(\d+)-[0-9a-z_]+(\..*)?")
-_STATE, _TICK = 0, 19  # places of two words in /proc/PID/stat after the program's name: its state and its first tick
+_STATE, _TICK = 0, 19  # indices of state and start tick among the words after the program's name in /proc/PID/stat
 
 
 def partial_name(suffix: str = "") -> str:
@@ -57,7 +57,7 @@ def partial_name(suffix: str = "") -> str:
 
 
 def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
-    """Return a new temporary folder of this process; remove folders with the same prefix `word` of ended processes."""
+    """Return a new temporary folder of this process; remove folders with the prefix `word` of ended processes."""
     for path in abandoned_paths(Path(tempfile.gettempdir()), word):
         remove(path)
     return tempfile.TemporaryDirectory(prefix=f"{word}-{_owner()}-", ignore_cleanup_errors=True)
@@ -101,7 +101,7 @@ def _owner() -> str:
 
 @cache
 def _host() -> str:
-    """Return eight letters that identify this machine and its numbering of processes."""
+    """Return eight letters that identify this machine and its set of process numbers."""
     try:
         space = os.readlink("/proc/self/ns/pid")
     except OSError:
@@ -197,13 +197,15 @@ def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
         os.fsync(file.fileno())
 
 
-DESIGN = "design.json"  # manifest of a design's folder; dsfab writes this file last, and the manifest does not list it
+DESIGN = "design.json"  # manifest of a design's folder, written last; it does not list itself
 
 MANIFEST = "manifest"
 JOURNAL = ".journal.json"
 
 _HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of renameat2(2)
-Outdated = Callable[[Path, Path], set[str]]  # function from the old and the new folder to the old files to remove
+Outdated = Callable[
+    [Path, Path], set[str]
+]  # function of the old and the new folder that returns the old files to remove
 
 
 @contextmanager

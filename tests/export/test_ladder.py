@@ -274,7 +274,7 @@ def test_a_file_by_members_must_be_the_one_that_was_checked(tmp_path, slow_vault
     monkeypatch.setattr(step, "member_file", lambda _: file)
     assert step.check(part, path).count == 6
     path.write_text("test")
-    with pytest.raises(ExportError, match="is not what was checked"):
+    with pytest.raises(ExportError, match="differs from the checked text"):
         step.check(part, path)
 
 

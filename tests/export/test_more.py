@@ -199,7 +199,7 @@ def test_a_vtu_file_with_other_values_is_not_kept(tmp_path, monkeypatch):
     zeros = Details(values={"T [K]": np.zeros(plate.n)})
     spoilt = replace(form, encode=lambda part: form.encode(replace(part, details=zeros)))
     monkeypatch.setitem(FORMATS, ".vtu", spoilt)
-    with pytest.raises(ExportError, match=r"the field 'T \[K\]' of 'a' reads back different"):
+    with pytest.raises(ExportError, match=r"the field 'T \[K\]' of 'a' differs when read back"):
         write(plate, tmp_path / "a.vtu", details=Details(values={"T [K]": np.arange(9.0)}))
     assert not any(tmp_path.iterdir())
 

@@ -36,8 +36,7 @@ class CalculixModel:
     springs   : (p, 3) newtons per metre between node and ground; 0 without a spring.
     notes     : lines for the top of the file.
 
-    Raises ExportError for arrays that do not fit together, no step or no support, and for CPS6 out of the plane z = 0.
-    """
+    Raises ExportError if shapes disagree, steps or supports are missing, or CPS6 triangles leave the plane z = 0."""
 
     nodes: Floats
     triangles: Ints
@@ -80,16 +79,14 @@ class CalculixModel:
         if wrong := [name for name in self.supports if name != _set_name(name)]:
             raise ExportError(f"the name {wrong[0]!r} is impossible for a node set; use capitals, digits and _")
         if self.element == "CPS6" and np.ptp(self.nodes[:, 2]) > 0:
-            raise ExportError(
-                f"the model {self.name!r} is not in the plane z = 0, as CPS6 triangles are; use S6 shells"
-            )
+            raise ExportError(f"the model {self.name!r} is not in the plane z = 0; use S6 shells, not CPS6 triangles")
 
 
 def write_calculix(model: CalculixModel, path: str | Path) -> Path:
     """Write a model to an .inp file atomically; return the path.
-    `ccx NAME` (without .inp) then writes NAME.frd for viewers and NAME.dat. For every step NAME.dat has the
-    displacements of all nodes, the total force on the nodes of every support (its reaction plus the loads on these
-    nodes, because CalculiX prints their sum) and the internal energy, which is half of the compliance.
+    `ccx NAME` (without .inp) then writes NAME.frd for viewers and NAME.dat. For each step NAME.dat has the
+    displacements of all nodes, the total force on each support, and the internal energy: half of the compliance. The
+    total force is the reaction of the support plus the loads on its nodes.
     Raises ExportError for another suffix, and if the file cannot be written."""
     path = Path(path)
     if path.suffix != ".inp":
@@ -179,7 +176,7 @@ def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[st
 
 
 def _acting(force: Floats) -> Bools:
-    """Return (p, 3) True for components to write; smaller components are rounding errors of the largest one."""
+    """Return (p, 3) True for force components above the rounding error of the largest component."""
     rounding = 1e-14
     return np.asarray(np.abs(force) > rounding * np.abs(force).max())
 
@@ -197,7 +194,7 @@ def _set_name(text: str) -> str:
 
 
 SUFFIX = ".beams.inp"
-PIECES = 4  # elements of each beam; joints at angles are up to 17 % too stiff with one element, and up to 8 % with four
+PIECES = 4  # elements per beam; joints at angles are up to 17 % too stiff with one element, and up to 8 % with four
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -246,8 +243,7 @@ def _cards(name: str, frame: "Frame") -> Iterator[str]:
 
 
 def _calculix_beams_supports(frame: "Frame") -> Iterator[str]:
-    supported = np.flatnonzero(frame.fixed.any(axis=1))
-    yield "*NSET, NSET=HELD\n" + "".join(f"{k + 1}\n" for k in supported)
+    yield "*NSET, NSET=HELD\n" + "".join(f"{k + 1}\n" for k in np.flatnonzero(frame.fixed.any(axis=1)))
     yield "*BOUNDARY\n"
     node, direction = np.nonzero(frame.fixed)
     yield from rows("%d, %d, %d\n", node + 1, direction + 1, direction + 1)

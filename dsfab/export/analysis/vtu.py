@@ -1,7 +1,7 @@
 """VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields, in metres, with the SI unit in each name.
 
-The file's field data repeats the unit of length, because the format has no place for the unit. Facts about the fields
-are `note 1`, `note 2`, ... Arrays are little-endian base64 after a 64-bit count of bytes."""
+The format has no place for the unit of length, so the file has a text field `unit`. Facts about the fields are the text
+fields `note 1`, `note 2`, ... Arrays are little-endian base64 after a 64-bit count of bytes."""
 
 import base64
 import xml.etree.ElementTree as ElementTree
@@ -36,8 +36,7 @@ def prepare(part: Part) -> Part:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the file in one piece.
-    A field with as many rows as vertices belongs to the vertices, any other field to the faces."""
+    """Yield the file. A field with one row per vertex belongs to the vertices, any other field to the faces."""
     values = part.details.values
     on_vertices = {name: array for name, array in values.items() if len(array) == len(part.V)}
     on_faces = {name: array for name, array in values.items() if name not in on_vertices}
@@ -79,7 +78,7 @@ def check(part: Part, path: Path) -> ReadBack:
     result = check_mesh(replace(part, V=part.V / MM_PER_M), V.reshape(-1, 3), F)
     for name, values in part.details.values.items():
         if name not in arrays or not np.array_equal(arrays[name], np.asarray(values).ravel(), equal_nan=True):
-            raise ExportError(f"the field {name!r} of {part.name!r} reads back different; write .csv or .json instead")
+            raise ExportError(f"the field {name!r} of {part.name!r} differs when read back; write .csv or .json")
     return result
 
 

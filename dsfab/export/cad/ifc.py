@@ -13,7 +13,7 @@ from dsfab import __version__
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
-from dsfab.export.cad.step.entities import StepEntities, piece_name, step_string
+from dsfab.export.cad.step.entities import StepEntities, piece_name, references, step_string
 from dsfab.export.members import MemberFacts, facts_of_members
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Details, MemberShape, Part
@@ -25,16 +25,16 @@ PLATE_SETS = {
     "Qto_PlateBaseQuantities": ("Width", "NetVolume", "NetWeight"),
     "Dsfab_PieceQuantities": ("NetSurfaceArea",),
 }
-"""Quantities of a plate by set; the width of the first, the standard's set, is the thickness."""
+"""Quantities of a plate, by quantity set. In the set of the standard, `Width` is the thickness."""
 KINDS = dict.fromkeys(("Length", "Width", "Thickness"), "LENGTH")
 for _kind in ("Area", "Volume", "Weight"):
     KINDS |= dict.fromkeys((f"Net{_kind}", f"Gross{_kind}"), _kind.upper())
-KINDS["NetSurfaceArea"] = "AREA"  # Kinds of quantities by their names.
+KINDS["NetSurfaceArea"] = "AREA"  # kinds of quantities by name
 Naming = Callable[[str], str]  # a function from a word to an IFC identifier
 
 
 class Place(NamedTuple):
-    """Numbers of the IFC entities that each element refers to; 0 for an unknown material or unknown properties.
+    """Numbers of the IFC entities that all elements refer to; `material` and `properties` are 0 if unknown.
     placement : placement of the whole roof.    part : placement of each part, relative to the roof."""
 
     body: int
@@ -59,14 +59,14 @@ def file_header(name: str, version: str) -> str:
 def building(entities: StepEntities, name: str, details: Details, naming: Naming) -> Place:
     """Add units, project, site, building and the entities that all elements share; return their numbers."""
     title, measures = step_string(one_line(name)), details.measures
-    units = ",".join(f"#{k}" for k in _units(entities))
+    units = references(_units(entities))
     origin = entities.add("IFCCARTESIANPOINT((0.,0.,0.))")
     axes = entities.add(f"IFCAXIS2PLACEMENT3D(#{origin},$,$)")
     context = entities.add(f"IFCGEOMETRICREPRESENTATIONCONTEXT($,'Model',3,1.E-05,#{axes},$)")
     body = entities.add(f"IFCGEOMETRICREPRESENTATIONSUBCONTEXT('Body','Model',*,*,*,*,#{context},$,.MODEL_VIEW.,$)")
     if any(details.origin):
         _on_site(entities, context, details.origin)
-    assignment = entities.add(f"IFCUNITASSIGNMENT(({units}))")
+    assignment = entities.add(f"IFCUNITASSIGNMENT({units})")
     project = entities.add(f"IFCPROJECT('{naming('project')}',$,'{title}',$,$,$,$,(#{context}),#{assignment})")
     placement = entities.add(f"IFCLOCALPLACEMENT($,#{axes})")
     site = entities.add(f"IFCSITE('{naming('site')}',$,'Site',$,$,#{placement},$,$,.ELEMENT.,$,$,$,$,$)")
@@ -81,16 +81,16 @@ def building(entities: StepEntities, name: str, details: Details, naming: Naming
 
 def roof(entities: StepEntities, place: Place, name: str, elements: list[int], naming: Naming) -> None:
     """Add the roof with its placement, and the material and properties of its elements."""
-    title, listed = step_string(one_line(name)), ",".join(f"#{k}" for k in elements)
+    title, listed = step_string(one_line(name)), references(elements)
     roof_entity = entities.add(
         f"IFCROOF('{naming('roof')}',$,'{title}',$,'diffusion structure',#{place.placement},$,$,.FREEFORM.)"
     )
-    entities.add(f"IFCRELAGGREGATES('{naming('parts')}',$,$,$,#{roof_entity},({listed}))")
+    entities.add(f"IFCRELAGGREGATES('{naming('parts')}',$,$,$,#{roof_entity},{listed})")
     entities.add(f"IFCRELCONTAINEDINSPATIALSTRUCTURE('{naming('contained')}',$,$,$,(#{roof_entity}),#{place.building})")
     if place.material:
-        entities.add(f"IFCRELASSOCIATESMATERIAL('{naming('made of')}',$,$,$,({listed}),#{place.material})")
+        entities.add(f"IFCRELASSOCIATESMATERIAL('{naming('made of')}',$,$,$,{listed},#{place.material})")
     if place.properties:
-        entities.add(f"IFCRELDEFINESBYPROPERTIES('{naming('properties of all')}',$,$,$,({listed}),#{place.properties})")
+        entities.add(f"IFCRELDEFINESBYPROPERTIES('{naming('properties of all')}',$,$,$,{listed},#{place.properties})")
 
 
 def _on_site(entities: StepEntities, context: int, origin: tuple[float, float, float]) -> None:
@@ -102,8 +102,7 @@ def _on_site(entities: StepEntities, context: int, origin: tuple[float, float, f
 
 def surface_style(entities: StepEntities, name: str, colour: Sequence[float]) -> int:
     """Add a named colour (values from 0 to 1); return the number of its entity."""
-    red, green, blue = map(real, colour)
-    rgb = entities.add(f"IFCCOLOURRGB($,{red},{green},{blue})")
+    rgb = entities.add(f"IFCCOLOURRGB($,{','.join(map(real, colour))})")
     shading = entities.add(f"IFCSURFACESTYLESHADING(#{rgb},0.)")
     return entities.add(f"IFCSURFACESTYLE('{step_string(name)}',.BOTH.,(#{shading}))")
 
@@ -134,7 +133,7 @@ def _material(entities: StepEntities, measures: Mapping[str, float], material_na
         return 0
     material = entities.add(f"IFCMATERIAL('{step_string(one_line(material_name))}',$,$)")
     for group, values in sets.items():
-        entities.add(f"IFCMATERIALPROPERTIES('{group}',$,({','.join(f'#{k}' for k in values)}),#{material})")
+        entities.add(f"IFCMATERIALPROPERTIES('{group}',$,{references(values)},#{material})")
     return material
 
 
@@ -158,9 +157,8 @@ def element(
     amounts: Mapping[str, float],
     naming: Naming,
 ) -> int:
-    """Add a piece with colour and quantities; return the number of its entity.
-    which  : name and number of the piece.    mesh : vertices (n, 3), millimetres, and triangles (m, 3), counted from 1.
-    """
+    """Add a piece with colour and quantities; return the number of its entity. which : name and number of the piece.
+    mesh : vertices (n, 3), millimetres, and triangles (m, 3), whose vertices count from 1."""
     (name, i), (V, corners) = which, mesh
     faces = face_set(entities, V, corners, place.style)
     shape = entities.add(f"IFCSHAPEREPRESENTATION(#{place.body},'Body','Tessellation',(#{faces}))")
@@ -179,12 +177,12 @@ def _add_quantity_set(
     entities: StepEntities, owner: int, title: str, amounts: Mapping[str, float], ids: tuple[str, str]
 ) -> None:
     values = [entities.add(f"IFCQUANTITY{KINDS[key]}('{key}',$,$,{real(value)},$)") for key, value in amounts.items()]
-    quantities = entities.add(f"IFCELEMENTQUANTITY('{ids[0]}',$,'{title}',$,$,({_references(values)}))")
+    quantities = entities.add(f"IFCELEMENTQUANTITY('{ids[0]}',$,'{title}',$,$,{references(values)})")
     entities.add(f"IFCRELDEFINESBYPROPERTIES('{ids[1]}',$,$,$,(#{owner}),#{quantities})")
 
 
 def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> int:
-    """Add the triangles (m, 3), counted from 1, of a closed body V (n, 3) with a style; return its number."""
+    """Add a closed body with vertices V (n, 3) and triangles (m, 3), whose vertices count from 1; return its number."""
     points = "".join(comma_separated_rows("(%.6f,%.6f,%.6f),", *V.T))
     listed = entities.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
     triangles = "".join(comma_separated_rows("(%d,%d,%d),", *corners.T))
@@ -227,8 +225,7 @@ def encode(part: Part) -> Iterator[bytes]:
         if "density" in measures:
             amounts["NetWeight"] = amounts["NetVolume"] * measures["density"]
         name = piece_name(part.name, i, len(solids))
-        plate = element(entities, place, (name, i), (V, F + 1), amounts, naming)
-        elements.append(plate)
+        elements.append(element(entities, place, (name, i), (V, F + 1), amounts, naming))
         yield from pending_bytes(entities)
     roof(entities, place, part.name, elements, naming)
     yield from pending_bytes(entities)
@@ -249,7 +246,7 @@ def identifier(name: str, what: str) -> str:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ifcopenshell: it must have millimetres, all triangles, closed bodies and the volume."""
+    """Read the file back with ifcopenshell; compare unit, triangles and volume with those of the part."""
     return check_mesh(part, *joined_face_sets(millimetre_model(part, path).by_type("IfcTriangulatedFaceSet")))
 
 
@@ -291,8 +288,8 @@ def encode_members(part: Part) -> Iterator[bytes]:
     elements = []
     for shape in details.shapes:
         name, style = shape.id, styles[shape.layer]
-        items = _references([face_set(entities, V, F + 1, style) for V, F in _shells(shape)])
-        body = entities.add(f"IFCSHAPEREPRESENTATION(#{place.body},'Body','Tessellation',({items}))")
+        items = references([face_set(entities, V, F + 1, style) for V, F in _shells(shape)])
+        body = entities.add(f"IFCSHAPEREPRESENTATION(#{place.body},'Body','Tessellation',{items})")
         shown[shape.layer].append(body)
         member = _element(entities, place, shape, body, naming)
         _add_quantities(entities, member, _amounts(shape, facts[name], details.measures), shape, naming)
@@ -302,16 +299,16 @@ def encode_members(part: Part) -> Iterator[bytes]:
         yield from pending_bytes(entities)
     roof(entities, place, part.name, elements, naming)
     for name, bodies in shown.items():
-        entities.add(f"IFCPRESENTATIONLAYERASSIGNMENT('{step_string(name)}',$,({_references(bodies)}),$)")
+        entities.add(f"IFCPRESENTATIONLAYERASSIGNMENT('{step_string(name)}',$,{references(bodies)},$)")
     yield from pending_bytes(entities)
     yield b"ENDSEC;\nEND-ISO-10303-21;\n"
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ifcopenshell: each member must have its name, closed triangles and its volume."""
+    """Read the file back with ifcopenshell; compare name, triangles and volume of each member with the part's."""
     model = millimetre_model(part, path)
     meshes = {}
-    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda item: item.id()):  # by_type sorts by kind
+    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda item: item.id()):  # by_type sorts by class
         if element.is_a() in ("IfcMember", "IfcPlate"):
             meshes[element.Name] = joined_face_sets(element.Representation.Representations[0].Items)
     return check_shapes(part, meshes)
@@ -325,10 +322,6 @@ def _shells(shape: MemberShape) -> Iterator[tuple[Floats, Ints]]:
         if len(shell_faces):
             used, corner = np.unique(shell_faces, return_inverse=True)
             yield shape.V[used], corner.reshape(-1, 3)
-
-
-def _references(numbers: list[int]) -> str:
-    return ",".join(f"#{k}" for k in numbers)
 
 
 def _element(entities: StepEntities, place: Place, shape: MemberShape, body: int, naming: Naming) -> int:
@@ -382,7 +375,7 @@ def _add_facts(entities: StepEntities, member: int, facts: MemberFacts, naming: 
         values.append(entities.add(f"IFCPROPERTYSINGLEVALUE('{key.capitalize()}',$,{text},$)"))
     name = facts.member.id
     property_set = entities.add(
-        f"IFCPROPERTYSET('{naming(f'facts of {name}')}',$,'Dsfab_Member',$,({_references(values)}))"
+        f"IFCPROPERTYSET('{naming(f'facts of {name}')}',$,'Dsfab_Member',$,{references(values)})"
     )
     entities.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'described {name}')}',$,$,$,(#{member}),#{property_set})")
 

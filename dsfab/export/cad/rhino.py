@@ -37,7 +37,7 @@ from dsfab.export.writing import one_line
 BLACK, GREY = (0, 0, 0), (150, 150, 150)
 MESH = "sheet"  # name of the layer of the mesh
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
-"""Codes of chunks: properties of the file, and its history. The bit `_SHORT` means a value in place of a length."""
+"""Codes of two chunks: properties of the file, and its history. Chunks with the bit `_SHORT` have no content."""
 _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)  # 1 January 1980, a Tuesday, as C's `struct tm`
 
 
@@ -48,7 +48,7 @@ def require_rhino3dm(what: str = ".3dm files need") -> None:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the archive without times, from memory, because a direct write would also store the name of the file."""
+    """Yield the archive without times, and without the name of the file, which a direct write would store."""
     model = empty_model()
     ids = ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
     layers = {MESH: new_layer(model, ids, MESH, GREY)}
@@ -90,7 +90,7 @@ Ids = Callable[[str], uuid.UUID]
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function from names to UUIDs, which differ for other arrays, so that designs can share a Rhino model."""
+    """Return a function from names to UUIDs that depend on the arrays, so that several designs can share a model."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -103,14 +103,13 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int]) -> 
 
     layer = rhino3dm.Layer()
     layer.Name, layer.Color, layer.Id = name, (*colour, 255), ids(f"layer {name}")
-    index: int = model.Layers.Add(layer)
-    return index
+    return int(model.Layers.Add(layer))
 
 
 def without_times(data: bytes) -> bytes:
     """Replace both times in the history of an archive by `_TIME` and correct its checksum.
-    The history contains a version byte, author and time of creation, author and time of the last change, a count, and a
-    CRC-32. An author is a count of letters (4 bytes) and these letters. Raises ExportError for another layout."""
+    The history contains a version byte, author and time of creation, author and time of the last change, a count, and
+    a CRC-32. An author is a count of letters (4 bytes) and the letters. Raises ExportError for another layout."""
     header = 32  # 32 bytes precede the first chunk: code (4 bytes), length (8), content
     content = bytearray(data)
     properties = _chunk(data, header, len(data), _PROPERTIES)
@@ -145,7 +144,7 @@ def _chunk(data: bytes, start: int, end: int, kind: int) -> tuple[int, int] | No
 
 def rhino_mesh(V: Floats, F: Ints) -> Any:
     """Build a rhino3dm mesh with normals from vertices (n, 3) in any unit and triangles (m, 3).
-    Only vertices that single precision would move are stored in double precision, which takes twice the space."""
+    Vertices have double precision, which takes twice the space, only if single precision would move them."""
     import rhino3dm
 
     mesh = rhino3dm.Mesh()
@@ -212,7 +211,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def _valid_items(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
-    """Return name and geometry of all objects; raises ExportError unless all are valid, and in millimetres."""
+    """Return name and geometry of all objects; raises ExportError unless all are valid and in millimetres."""
     import rhino3dm
 
     model = rhino3dm.File3dm.Read(str(path))
@@ -224,10 +223,9 @@ def _valid_items(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
 
 
 def rhino_arrays(mesh: Any) -> tuple[Floats, Ints]:
-    """Return vertices (n, 3) and corners (m, 4) of a rhino3dm mesh; a triangle has its last corner twice."""
+    """Return vertices (n, 3) and corners (m, 4) of a rhino3dm mesh; a triangle repeats its last corner."""
     V = np.array([(v.X, v.Y, v.Z) for v in map(mesh.Vertices.Point3dAt, range(len(mesh.Vertices)))]).reshape(-1, 3)
-    F = np.array([mesh.Faces[i] for i in range(mesh.Faces.Count)], dtype=np.int64).reshape(-1, 4)
-    return V, F
+    return V, np.array([mesh.Faces[i] for i in range(mesh.Faces.Count)], dtype=np.int64).reshape(-1, 4)
 
 
 def _points(curve: Any) -> list[Floats]:
@@ -261,8 +259,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
             about = _about(shape.id, layers[f"{shape.layer} axes"], ids(f"axis {shape.id}"))
             model.Objects.AddCurve(rhino_curve(curves_along(shape.axis, curve_tolerance(part))), about)
     for node in graph_of(part).nodes:
-        members = {"members": " ".join(node.members)}
-        about = _about(node.id, layers[NODES], ids(f"node {node.id}"), members)
+        about = _about(node.id, layers[NODES], ids(f"node {node.id}"), {"members": " ".join(node.members)})
         model.Objects.AddPoint(rhino3dm.Point3d(*rounded_lists(MM_PER_M * node.point)), about)
     yield archive(model)
 

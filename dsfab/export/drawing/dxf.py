@@ -67,7 +67,7 @@ def new_document(part: Part) -> Any:
 
 
 def dxf_bytes(document: Any) -> bytes:
-    """Return an ezdxf document as a file, with equal bytes in each process."""
+    """Return the file of an ezdxf document; equal documents give equal bytes in each process."""
     document.classes.add_required_classes(document.dxfversion)
     document.classes.classes = dict(sorted(document.classes.classes.items()))  # a set has no fixed order
     text = io.StringIO()
@@ -97,8 +97,7 @@ def _add_view(document: Any, view: DrawingView, shift: Floats, height: float, to
     space, prefix = document.modelspace(), view.title.split()[0].upper() + "-"
     for line, run in view.runs:
         run = simplified_line(run, tolerance)
-        flat = np.c_[run + shift, np.zeros(len(run))]
-        add_polyline(space, flat, True, _layer(document, line, prefix))
+        add_polyline(space, np.c_[run + shift, np.zeros(len(run))], True, _layer(document, line, prefix))
     if prefix + "TEXT" not in document.layers:
         document.layers.add(prefix + "TEXT")
     text = space.add_text(f"{name}: {view.title.lower()}", height=height, dxfattribs={"layer": prefix + "TEXT"})
@@ -138,7 +137,7 @@ def reproducible_output() -> Iterator[None]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ezdxf and its auditor: no error, millimetres, every line in its place."""
+    """Read the file back with ezdxf, audit it, and compare unit and lines with those of the part."""
     document = _sound_document(part, path, ".svg or .csv")
     points_by_line = defaultdict[str, list[Floats]](list)
     for entity in document.modelspace():
@@ -158,7 +157,7 @@ def _sound_document(part: Part, path: Path, instead: str) -> Any:
 
 
 def points_along(entity: Any) -> Floats:
-    """Return points (k, 3) along a spline or a polyline; a closed one repeats its first point."""
+    """Return points (k, 3) along a spline or a polyline; a closed polyline repeats its first point."""
     if entity.dxftype() == "SPLINE":
         curve = entity.construction_tool()
         return np.array([tuple(point) for point in curve.points(sample_parameters(np.array(entity.knots)))])
@@ -183,8 +182,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
             document.groups.new(shape.id, description=f"member {shape.id}").set_data(entities)
         for node in graph_of(part).nodes:
             place, layer = rounded_lists(MM_PER_M * node.point), _members_layer(document, "", "NODES")
-            point = space.add_point(place, dxfattribs={"layer": layer})
-            point.set_xdata(APPLICATION, [(1000, node.id)])
+            space.add_point(place, dxfattribs={"layer": layer}).set_xdata(APPLICATION, [(1000, node.id)])
         data = dxf_bytes(document)
     yield data
 
@@ -213,7 +211,7 @@ def _members_layer(document: Any, family: str, what: str) -> str:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ezdxf and its auditor: no error, millimetres, a group of lines for each member."""
+    """Read the file back with ezdxf, audit it, and compare unit and the lines of each member with those of the part."""
     document = _sound_document(part, path, ".members.json")
     groups, shapes = {name: list(group) for name, group in document.groups}, part.details.shapes
     require_equal(part, "members", sorted(shape.id for shape in shapes), sorted(groups))
@@ -226,6 +224,6 @@ def check_members(part: Part, path: Path) -> ReadBack:
         length_read = sum(map(polyline_length, (*lines[True], *lines[False])))
         length_expected = polyline_length(shape.axis) + sum(map(polyline_length, shape.edges))
         if not abs(length_read - length_expected) <= 10 * READ_BACK * length_expected:
-            raise ExportError(f"the lines of {shape.id} in {part.name!r} read back changed; write .members.json")
+            raise ExportError(f"the lines of {shape.id} in {part.name!r} differ when read back; write .members.json")
         total, total_expected = total + length_read, total_expected + length_expected
     return ReadBack(len(shapes), "members", total / total_expected - 1, "length")

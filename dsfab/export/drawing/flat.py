@@ -57,7 +57,7 @@ class FlatCircle:
 
 @dataclass(frozen=True)
 class FlatDrawing:
-    """A drawing with a title."""
+    """Title, lines and circles of a drawing."""
 
     title: str
     lines: tuple[FlatLine, ...]
@@ -79,16 +79,14 @@ def flat_dxf(drawing: FlatDrawing) -> bytes:
     seed = "  9\n$HANDSEED\n  5\n{:X}\n"
     head = frame.before.replace(_TITLE, one_line(drawing.title))
     head = head.replace(seed.format(frame.free), seed.format(frame.free + count))
-    text = "".join([head, *_entities(drawing, frame), frame.after])
-    return text.encode(frame.encoding, errors="dxfreplace")
+    return "".join([head, *_entities(drawing, frame), frame.after]).encode(frame.encoding, errors="dxfreplace")
 
 
 _TITLE = "title of the drawing"
 
 
 class _Frame(NamedTuple):
-    """A file of a drawing without its entities: the text `before` and `after` them, and the encoding. `free` is the
-    first unused handle (number of an entity); `space` is the handle of the space that contains the entities."""
+    """DXF text before and after the entities. free : first unused handle; space : handle of the model space."""
 
     before: str
     after: str
@@ -146,7 +144,7 @@ def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
     is_complete = len(codes) == len(values) and values[-1:] == ["EOF"] and all(map(str.isdecimal, codes))
     counts = begun["LWPOLYLINE"], begun["CIRCLE"]
     if not is_complete or counts != (len(drawing.lines), len(drawing.circles)) or unit != "4":
-        raise ExportError(f"the drawing {drawing.title!r} reads back different; use the .svg files instead")
+        raise ExportError(f"the drawing {drawing.title!r} differs when read back; use the .svg files instead")
 
 
 def flat_svg(drawing: FlatDrawing, hair: float = 0.0) -> bytes:

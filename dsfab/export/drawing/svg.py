@@ -136,7 +136,7 @@ def _scale_bar(x: float, y: float, scale: float) -> Iterator[str]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back as XML: number of lines in the views, and size of the paper in millimetres."""
+    """Read the file back as XML; compare the number of lines and the size of the paper."""
     root = ElementTree.parse(path).getroot()
     lines = [element for element in root.iter() if element.get("data-id")]
     expected = sum(len(placed_view.view.runs) for placed_view in views_on_paper(part, TITLE)[1])

@@ -23,7 +23,7 @@ AXES = {
 class DrawingView:
     """A view of a sheet.
     runs  : visible parts of lines, points (k, 2) in millimetres.    low, high : corners of the view.
-    loops : outline of the region to fill, by the even-odd rule; empty if the sheet covers itself in this view."""
+    loops : outline of the region to fill, by the even-odd rule; empty if the sheet hides a part of itself."""
 
     title: str
     runs: tuple[tuple[StructureLine, Floats], ...]
@@ -38,7 +38,7 @@ class DrawingView:
 
 
 def views(part: Part) -> list[DrawingView]:
-    """Return plan, front view and right view of a sheet with its lines, without a view in which it is only a line."""
+    """Return plan and elevations of a sheet with its lines; a view in which the sheet is only a line is omitted."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
     drawings = []
@@ -80,7 +80,7 @@ class _DepthPicture:
 
     @classmethod
     def from_mesh(cls, X: Floats, F: Ints, low: Floats, high: Floats, cell: float) -> "_DepthPicture":
-        """Return the picture of X (n, 3), F (m, 3), from points of the triangles at most 0.7 widths of a cell apart."""
+        """Build the picture of a mesh X (n, 3), F (m, 3) from points on its triangles, at most 0.7 cells apart."""
         shape = np.ceil((high - low) / cell).astype(np.int64) + 3
         depth = np.full(int(shape.prod()), -np.inf)
         corners = X[F]
@@ -99,7 +99,7 @@ class _DepthPicture:
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
-        """Return True for points (k, 3) more than `margin` behind the sheet, in their cell and its eight neighbours."""
+        """Return (k,) True for points (k, 3) more than `margin` behind the sheet in their cell and all cells around."""
         cell_index = ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1
         cell_index = np.clip(cell_index, 1, np.array(self.depth.shape) - 2)
         nearest = np.full(len(points), np.inf)
@@ -114,8 +114,7 @@ def _dense(points: Floats, step: float) -> Floats:
     counts = np.maximum(np.ceil(lengths / step).astype(np.int64), 1)
     segment = np.repeat(np.arange(len(counts)), counts)
     t = (np.arange(len(segment)) - (np.cumsum(counts) - counts)[segment]) / counts[segment]
-    inner = points[segment] + t[:, None] * (points[segment + 1] - points[segment])
-    return np.concatenate([inner, points[-1:]])
+    return np.concatenate([points[segment] + t[:, None] * (points[segment + 1] - points[segment]), points[-1:]])
 
 
 def _stretches(points: Floats, seen: Bools) -> list[Floats]:

@@ -109,10 +109,9 @@ def soundness(V: Floats, F: Ints) -> Soundness:
     V : (n, 3) metres, distinct points.     F : (m, 3) counter-clockwise seen from outside."""
     edges = edge_table(F)
     middles = V[edges.ends].mean(axis=1)
-    crowded = np.flatnonzero(edges.count > 2)
     faults = [
         fault_at("open", middles[edges.boundary]),
-        fault_at("crowded", middles[crowded]),
+        fault_at("crowded", middles[edges.count > 2]),
         fault_at("turned", middles[misoriented_edges(F, edges)]),
         fault_at("repeated", V[F[duplicate_faces(F)]].mean(axis=1)),
     ]

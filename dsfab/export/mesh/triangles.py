@@ -29,8 +29,7 @@ def prepare_stl(part: Part) -> Part:
 
 def encode_stl(part: Part) -> Iterator[bytes]:
     """Yield the header, the number of triangles, then 50 bytes for each triangle.
-    The header must not begin with "solid", because readers recognise the text variant by this word. It ends with a
-    zero, because admesh prints it as a C string."""
+    The header must not begin with "solid", the mark of text files. A zero ends the header, because admesh prints it."""
     records = np.zeros(len(part.F), dtype=_RECORD)
     corners = part.V[part.F]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -110,7 +109,7 @@ def encode_3mf(part: Part) -> Iterator[bytes]:
 
 
 def check_3mf(part: Part, path: Path) -> ReadBack:
-    """Read the file back with lib3mf without warnings: one manifold, oriented mesh in millimetres."""
+    """Read the file back with lib3mf, which must find one manifold, oriented mesh in mm, and give no warning."""
     import lib3mf
 
     model = lib3mf.get_wrapper().CreateModel()

@@ -26,11 +26,11 @@ COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
 UNITS = "units: metres, newtons, newton metres; n and q per metre of section, m per metre of section"
 Q_LESS = "q is one order less accurate than m, and up to a fifth too small on ribs 3 or 4 faces wide"
 SHEET_FORMAT = "%.8g"
-READ = 1e-6  # largest error of numbers that are read back, as a share of the largest number of the column
+READ = 1e-6  # largest error of numbers that are read back, over the largest number of their column
 
 
 def prepare_fields(part: Part) -> Part:
-    """Return the part with the fields of a VTU file, one value per face; each name begins with its case."""
+    """Return the part with the fields of a VTU file, one value per face; each name begins with the load case."""
     details = part.details
     values = {name: column for name, column in _faces(part).items() if not name.startswith(("centre", "area"))}
     for case, forces in details.section_forces.items():
@@ -40,9 +40,8 @@ def prepare_fields(part: Part) -> Part:
 
 
 def encode_sheet(part: Part) -> Iterator[bytes]:
-    """Yield comment lines that begin with #, a line of names, then a row per face and case; faces count from 1."""
-    notes = (UNITS, *CONVENTION, "one row per face and case; " + Q_LESS)
-    yield "".join(f"# {line}\r\n" for line in notes).encode()
+    """Yield comment lines that begin with #, column names, then a row per face and case; faces count from 1."""
+    yield "".join(f"# {x}\r\n" for x in (UNITS, *CONVENTION, "one row per face and case; " + Q_LESS)).encode()
     faces = _scalars(_faces(part))
     yield _line(["case", "face", *faces, *_names(part)]).encode()
     for case, forces in part.details.section_forces.items():
@@ -67,7 +66,7 @@ def check_sheet(part: Part, path: Path) -> ReadBack:
         expected = np.stack([*faces.values(), *_scalars(_columns(forces)).values()], axis=1)
         if not (np.abs(block[:, 1:] - expected) <= READ * np.abs(expected).max(axis=0)).all():
             raise ExportError(
-                f"the section forces of {part.name!r} under {case} read back different; write .forces.vtu"
+                f"the section forces of {part.name!r} under {case} differ when read back; write .forces.vtu"
             )
     return ReadBack(len(numbers), "rows")
 
@@ -132,7 +131,7 @@ MEMBER_NOTES = (
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield comment lines that begin with #, a line of names, then a row per member, station and case."""
+    """Yield comment lines that begin with #, column names, then a row per member, station and case."""
     text = io.StringIO()
     text.writelines(f"# {line}\r\n" for line in MEMBER_NOTES)
     writer = csv.writer(text)
@@ -151,7 +150,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
     expected = np.concatenate([rows for along in _forces(part).values() for rows in _tables(along).values()])
     require_equal(part, "rows", len(expected), len(numbers))
     if not (np.abs(numbers - expected) <= READ * np.abs(expected).max(axis=0)).all():
-        raise ExportError(f"the forces of members of {part.name!r} read back different; write forces.csv instead")
+        raise ExportError(f"the forces of members of {part.name!r} differ when read back; write forces.csv instead")
     return ReadBack(len(numbers), "rows")
 
 
@@ -197,7 +196,7 @@ def check_workbook(part: Part, path: Path) -> ReadBack:
             numbers.shape != expected.shape
             or not (np.abs(numbers - expected) <= NUMBERS_READ_BACK * np.abs(expected).max()).all()
         ):
-            raise ExportError(f"the forces of {name} of {part.name!r} read back different; write member_forces.csv")
+            raise ExportError(f"the forces of {name} of {part.name!r} differ when read back; write member_forces.csv")
         count += len(expected)
     return ReadBack(count, "rows")
 
@@ -248,7 +247,7 @@ HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", 
 
 
 def encode_utilisation(part: Part) -> Iterator[bytes]:
-    """Yield comment lines that begin with #, a line of names, then a row for each bay of a member."""
+    """Yield comment lines that begin with #, column names, then a row for each bay of a member."""
     utilisation = _utilisation(part)
     text, bays = io.StringIO(), utilisation.bays
     text.writelines(f"# {line}\r\n" for line in _lines(utilisation))
@@ -293,7 +292,7 @@ def check_utilisation(part: Part, path: Path) -> ReadBack:
     require_equal(part, "rows", len(expected), len(rows))
     read = np.array([[float(row[HEAD.index("utilisation")]), *map(float, row[len(HEAD) :])] for row in rows])
     if not (np.abs(read - expected) <= READ * np.maximum(np.abs(expected).max(axis=0), 1e-30)).all():
-        raise ExportError(f"the table of {part.name!r} reads back different; write member_forces.csv instead")
+        raise ExportError(f"the table of {part.name!r} differs when read back; write member_forces.csv instead")
     return ReadBack(len(rows), "rows")
 
 

@@ -131,7 +131,6 @@ def _member_row(entry: Mapping[str, Any]) -> dict[str, Any]:
     axis, nowhere = entry["axis"], (None, None, None)
     ends = entry["ends"] or ["", ""]
     start_point, end_point = (axis["points"][0], axis["points"][-1]) if axis else (nowhere, nowhere)
-    largest = {f"largest_{name}_1_per_m": max(map(abs, axis[name])) if axis else None for name in ("kg", "kn", "tg")}
     return {
         **{key: entry[key] for key in ("id", "kind", "family", "stripe", "part")},
         "closed": int(entry["closed"]),
@@ -143,7 +142,7 @@ def _member_row(entry: Mapping[str, Any]) -> dict[str, Any]:
         **{f"{end}": what for end, what in zip(("start", "end"), ends, strict=True)},
         **{f"start_{axis_name}_mm": x for axis_name, x in zip("xyz", start_point, strict=True)},
         **{f"end_{axis_name}_mm": x for axis_name, x in zip("xyz", end_point, strict=True)},
-        **largest,
+        **{f"largest_{name}_1_per_m": max(map(abs, axis[name])) if axis else None for name in ("kg", "kn", "tg")},
     }
 
 

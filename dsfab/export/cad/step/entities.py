@@ -20,7 +20,7 @@ from dsfab.export.writing import TRAILING_ZEROS, comma_separated_rows, one_line,
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
 """Colours of the pieces in turn, as red, green and blue. They are muted, so that edges stay visible."""
 
-DIGITS = 6  # decimals (of millimetres) of curves, and of the vertices among which coplanar triangles are searched
+DIGITS = 6  # decimals (mm) of curves, and of vertices in the search for coplanar triangles
 DIRECTION_DIGITS = 11  # decimals of directions; their rounding moves the end of an edge of 100 m by less than 1e-6 mm
 FIRST_FREE = 19  # first free entity number after the header of the file
 
@@ -38,7 +38,7 @@ def piece_name(name: str, i: int, pieces: int) -> str:
 
 def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: str) -> Iterator[str]:
     """Yield solids, products, colours and the end of the file, numbered from `free`.
-    shell : (f,) shell of each face.    faces : (f,) its entity.    solids : shells of each solid, the outer one first.
+    shell, faces : (f,) shell and entity of each face.    solids : shells of each solid, the outer shell first.
     The header holds the product of the first piece; each other piece gets a product here."""
     entities_after = StepEntities(free)
     styles = [_style(entities_after, colour) for colour in COLOURS[: len(solids)]]
@@ -120,9 +120,7 @@ class StepEntities:
 
     def spline(self, degree: int, poles: list[int], knots: KnotText, title: str = "", shared: bool = False) -> int:
         """Add a spline curve through numbered poles.
-
-        A line is a spline here, because a polyline at a spline face needs three points (ISO 10303-511, advanced_face).
-        """
+        ISO 10303-511 (advanced_face) forbids polylines of two points at a spline face, so a line is also a spline."""
         return self.add(
             f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{degree},{references(poles)},.UNSPECIFIED.,.F.,.F.,"
             f"{knots[0]},{knots[1]},.UNSPECIFIED.)",
@@ -155,7 +153,7 @@ class StepEntities:
         return self.add(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)", shared)
 
     def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
-        """Add a bound of edges; True for an edge that runs forwards."""
+        """Add a bound. steps : edges in order, with True for an edge that runs forwards."""
         oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if forwards else 'F'}.)") for edge, forwards in steps]
         loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
         return self.add(f"{kind}('',#{loop},.T.)")
@@ -219,7 +217,7 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 
 
 def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
-    """Add a solid with one outer shell and voids. Shells of voids face outwards, so their entities reverse them."""
+    """Add a solid with one outer shell and voids. Shells of voids face outwards, and their entities reverse them."""
     shells = [entity_list.add(f"CLOSED_SHELL('',{references(faces[shell == i].tolist())})") for i in [outer, *voids]]
     inner = [entity_list.add(f"ORIENTED_CLOSED_SHELL('',*,#{k},.F.)") for k in shells[1:]]
     if not inner:
@@ -233,7 +231,7 @@ def step_string(name: str) -> str:
     return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
 
 
-FACETED_DIGITS = 5  # decimals of corners of planar faces; the file states 1e-5 mm; planes are searched before rounding
+FACETED_DIGITS = 5  # decimals (mm) of corners of planar faces, as precise as the file states
 
 _COORDINATES = f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f)"
 _RATIOS = "DIRECTION('',(%d.,%d.,%d.))"
@@ -289,17 +287,15 @@ def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, in
     normals = distinct_rows(np.round(shape.normals, digits))
     v, d, e, f = (len(x) for x in (shape.points, vectors[0], shape.edges, shape.normals))
     s, o, n = len(shape.steps), len(shape.loops) - 1, len(normals[0])
-    counts = [v, v, d, d, e, e, s, o, o, n, f, f, f]
-    blocks = [range(a, b) for a, b in pairwise(accumulate(counts, initial=start))]
+    blocks = [range(a, b) for a, b in pairwise(accumulate([v, v, d, d, e, e, s, o, o, n, f, f, f], initial=start))]
     return _tables(shape, vectors, normals, digits, blocks), np.array(blocks[12]), blocks[12].stop
 
 
 def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
-    """Yield the entities of one kind after another, so that memory holds one kind at a time.
-    vectors : distinct directions, and the index of each edge's direction.    normals : the same for the faces.
-    digits  : decimals of normals."""
+    """Yield the entities of one kind after another, so that memory holds one kind at a time. digits : of normals.
+    vectors, normals : distinct directions, and the number of the direction of each edge or face."""
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
@@ -322,8 +318,7 @@ def _tables(
 
 def _ratios(shape: Polyhedron) -> Floats:
     """Return the (e, 3) exact directions of the edges between rounded corners, as smallest whole numbers.
-
-    ISO 10303-42 does not require unit length. Edges along an axis share one direction, whatever their lengths."""
+    ISO 10303-42 does not require unit length, so edges along an axis share one direction."""
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
     return np.asarray(along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None])
@@ -334,8 +329,7 @@ def _corners(shape: Polyhedron) -> Ints:
 
 
 def _digits(shape: Polyhedron) -> int:
-    """Return decimals of normals for which rounding moves no far end of a face by more than 1e-6 mm."""
-    reach_mm = 1e-6  # rounding of a normal may move the far end of its face by 1e-6 mm
+    reach_mm = 1e-6  # rounding of a normal moves the far end of its face by at most 1e-6 mm
     face = np.repeat(np.arange(len(shape.normals)), np.diff(shape.loops[shape.faces]))
     corner = shape.edges[shape.steps, np.where(shape.forward, 0, 1)]
     reach = max(float(np.abs(x[corner] - x[shape.origin[face]]).max()) for x in shape.points.T)
@@ -359,8 +353,7 @@ def faceted_bytes(shape: Polyhedron) -> float:
 
 def header(name: str, description: str, pieces: int = 1) -> str:
     """Return the beginning of the file: entities 1 to 18, with the product of the first piece.
-
-    The time is fixed, so that equal solids give equal files; ISO 10303-21 requires a time."""
+    ISO 10303-21 requires a time; it is fixed, so that equal solids give equal files."""
     title = step_string(one_line(name))
     product = step_string(piece_name(name, 0, pieces))
     return _HEADER.format(
@@ -419,8 +412,7 @@ def expected_bytes(part: Part) -> float:
 
 
 def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
-    face = entity_list.free - 1
-    shape = entity_list.add(f"TESSELLATED_SOLID('',(#{face}),$)")
+    shape = entity_list.add(f"TESSELLATED_SOLID('',(#{entity_list.free - 1}),$)")
     representation = entity_list.add(f"TESSELLATED_SHAPE_REPRESENTATION('',(#18,#{shape}),#14)")
     definition = 8 if i == 0 else product(entity_list, title)
     entity_list.add(f"SHAPE_DEFINITION_REPRESENTATION(#{definition},#{representation})")

@@ -39,15 +39,14 @@ from dsfab.surface import StructureLine
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
-"""Limits of the time for reading back: a constant part, and seconds per face. Both are several times the measured
-time; OCCT's check of very long outlines may never finish."""
+"""Time limit for reading back: seconds, and seconds per face, several times the usual time. Without a limit, OCCT's
+check of very long outlines may never finish."""
 
 LIGHT = 8.0  # size (megabytes) below which a faceted file is better than a smooth file that OCCT cannot cut
 
 
 def encode(part: Part) -> Iterator[bytes]:
     """Return an iterator over the bytes of the file.
-
     Raises ExportError before the first byte if the strategy cannot write the solid, and BudgetError for too many faces.
     Raises BudgetError later if the file becomes too large."""
     faces, size, texts = ENCODERS[part.step](part)
@@ -90,7 +89,7 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
     "faceted": _encode_faceted,
     "tessellated": _encode_tessellated,
 }
-"""Functions of each strategy; each returns the number of faces that count, the approximate bytes, and the text."""
+"""Function of each strategy; it returns the number of faces for the limit, the approximate bytes, and the text."""
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
@@ -105,8 +104,7 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
-
-    Files by members and smooth files were already measured, so that only their bytes are compared here. If a smooth
+    OCCT has already measured files by members and smooth files, so only their bytes are compared here. If a smooth
     file is for cutting (`cut`), OCCT's triangles must also bound a solid."""
     if part.step == "members":
         file = member_file(part)
@@ -140,7 +138,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
 def _require_same(part: Part, path: Path, text: str) -> None:
     if path.read_bytes() != text.encode("ascii"):
-        raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
+        raise ExportError(f"the STEP file of {part.name!r} differs from the checked text; write it again")
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:

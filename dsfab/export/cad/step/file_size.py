@@ -125,7 +125,6 @@ def usual_tolerance(part: Part) -> float:
 
 def simplified_part(part: Part, tolerance: float) -> Part:
     """Return the solid with fewer triangles; each surface stays within `tolerance` (mm) of the other surface.
-
     `note` of the result states the measured distance and the change of volume. Raises ExportError if no try stays
     within the tolerance, keeps the volume to 0.5 %, adds no crossings, and removes a tenth of the triangles. Raises
     BudgetError as soon as far more planar faces remain than `step_faces` allows (0: no limit)."""

@@ -14,11 +14,9 @@ from dsfab.export.curves import Curve, curves_through, split_at_knots
 from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
-SAME_PLACE = 1e-3  # distance (mm) up to which a corner is a vertex of the outline, and outlines of both skins are equal
+SAME_PLACE = 1e-3  # largest distance (mm) between a corner and its vertex, and between outlines of both skins
 WIDTH_SHARE = 0.1  # largest tolerance of a loop over its area per length, so that slits and dots keep their shape
-
-
-GAP_SHARE = 0.25  # largest tolerance of a loop over its distance from the next one, so that curves never cross a member
+GAP_SHARE = 0.25  # largest tolerance of a loop over its distance from other loops, so that curves never cross a member
 
 
 class NotFlatError(ExportError):
@@ -28,11 +26,9 @@ class NotFlatError(ExportError):
 @dataclass(frozen=True, eq=False)
 class FlatOutlines:
     """Polylines of a flat sheet.
-
     axes   : (3, 3) unit vectors, right-handed: two in the plane, and the normal of the plane.
     height : lower and upper plane along axes[2], millimetres.
-    pieces : loops (k, 2) of each piece along axes[0] and axes[1]: the outer loop first, counter-clockwise, then holes.
-    """
+    pieces : loops (k, 2) of each piece along axes[0] and axes[1]; the outer loop is first and counter-clockwise."""
 
     axes: Floats
     height: tuple[float, float]
@@ -111,7 +107,6 @@ def _skin_outlines(part: Part, axes: Floats, low: float, high: float) -> FlatOut
 
 def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlate:
     """Fit curves within `tolerance` (mm) to the outlines; `corners` (k, 3) stay corners at any angle.
-
     Raises ExportError if no spline follows so closely."""
     tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
     piece_curves = []
@@ -199,10 +194,7 @@ def _piece(entity_list: StepEntities, plate: FlatPlate, loops: tuple[tuple[Curve
             walls.append(entity_list.face([wire], _wall(entity_list, curve, poles[0], lines[0], axes[2])))
         skins[0].append(entity_list.wire([(low, False) for low, _ in reversed(edges)], kind))
         skins[1].append(entity_list.wire([(high, True) for _, high in edges], kind))
-    corner = (
-        _in_space(loops[0][0].poles[:1], axes, heights[0])[0],
-        _in_space(loops[0][0].poles[:1], axes, heights[1])[0],
-    )
+    corner = [_in_space(loops[0][0].poles[:1], axes, h)[0] for h in heights]
     bottom = entity_list.face(skins[0], entity_list.plane(corner[0], -axes[2]))
     return [*walls, bottom, entity_list.face(skins[1], entity_list.plane(corner[1], axes[2]))]
 

@@ -35,7 +35,6 @@ from dsfab.surface import CREASE, edge_table
 @dataclass(frozen=True, eq=False)
 class Facet:
     """Planes of both skins of a flat part of a sheet, the upper plane first, millimetres.
-
     origin : (2, 3) a point of each plane.
     axes   : (2, 3, 3) unit vectors, right-handed: two in each plane, and its normal upwards."""
 
@@ -54,7 +53,6 @@ class Facet:
 @dataclass(frozen=True, eq=False)
 class FlatFacets:
     """Cut sheet whose faces lie in a few planes, before its folds are mitred.
-
     skins : (n, 2, 3) vertices of the sheet on both skins, millimetres.    facet : (m,) facet of each face."""
 
     whole: DividedSheet
@@ -79,10 +77,8 @@ class FlatFacets:
 @dataclass(frozen=True, eq=False)
 class FoldedSheet:
     """Sheet of flat facets, millimetres.
-
     outline : regions of the sheet and their runs; `chart` names the facet of a region.
     points  : (n, 2, 3) vertices on both skins; vertices at folds lie in the planes of all their facets.
-
     If the planes around a vertex have no common point, each mesh face at this vertex becomes a facet."""
 
     outline: SheetOutline
@@ -158,13 +154,11 @@ def _plane(skins: Floats, F: Ints) -> Facet:
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(vectors, axis=2)
     origin = np.einsum("sm,smi->si", area, corners.mean(axis=1)) / area.sum(axis=1, keepdims=True)
-    total = vectors.sum(axis=1)
-    return Facet(origin, np.stack([frame(n / np.linalg.norm(n)) for n in total]))
+    return Facet(origin, np.stack([frame(n / np.linalg.norm(n)) for n in vectors.sum(axis=1)]))
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
     """Return (n, 2, 3) vertices moved by least squares into the planes of their facets, and (n,) True where this fails.
-
     The corners of a facet with a single face define its plane, so they do not move."""
     exact = 1e-5  # corners of a fold may be off the planes that meet there by 1e-5 mm
     count = np.bincount(facet)
@@ -219,7 +213,6 @@ def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
 
 def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
     """Return the loops (k, 4) of a region in the planes of its facet; the outer loop is counter-clockwise.
-
     Raises ExportError unless the region has exactly one outer loop."""
     facet = sheet.facets[region.chart]
     lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
@@ -230,8 +223,7 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
 
 def _curve(line: Floats, tolerance: float) -> Curve:
     """Fit a curve to a line (k, 4) on both skins.
-    Points at equal shares of both lengths form pairs, because one skin is longer beside a fold. So straight edges stay
-    lines."""
+    One skin may be longer, so points at equal shares of both lengths form pairs. Straight edges then stay lines."""
     upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
     shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)
@@ -292,8 +284,7 @@ class _Writer:
             bounds[0].append(self.new.wire([(pair[0], ahead) for pair, ahead in steps], kind))
             bounds[1].append(self.new.wire([(pair[1], not ahead) for pair, ahead in reversed(steps)], kind))
         for s, sign in ((0, 1), (1, -1)):
-            plane = self.new.plane(facet.origin[s], sign * facet.axes[s, 2])
-            faces.append(self.new.face(bounds[s], plane))
+            faces.append(self.new.face(bounds[s], self.new.plane(facet.origin[s], sign * facet.axes[s, 2])))
         return faces
 
     def _fold(self, run: OutlineRun) -> tuple[EdgePair, bool]:

@@ -12,12 +12,10 @@ FLATNESS = 1e-5  # largest distance (mm) of vertices from a joined plane or line
 
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
     """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
-
     tolerance : largest distance of vertices from a joined plane, millimetres.
-
-    Two neighbours join if the apex of each lies in the plane of the other and they are not folded over. A triangle
-    lower than FLATNESS has no exact plane, and could join two faces across an edge of the solid. So it joins only the
-    neighbour at its longest edge. Small turns add up, so a region with a vertex off its mean plane is divided again."""
+    Two neighbours join if the apex of each lies in the plane of the other and their normals are on the same side. A
+    triangle lower than FLATNESS has no exact plane, so it joins only the neighbour at its longest edge. Small turns
+    add up, so a region with a vertex off its mean plane is taken apart."""
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     units = unit_vectors(vectors)
@@ -71,9 +69,8 @@ class FaceOutlines:
 
 def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     """Chain the half-edges between different regions (m,), each region on the left. opposite : (3 m,) half-edges.
-
-    The next half-edge is the first border half-edge around the end of the last one, within the region. So loops never
-    jump across a vertex where a region touches itself."""
+    Each half-edge is followed by the first border half-edge of the region around its end. So loops never jump across a
+    vertex where a region touches itself."""
     on_border = region[np.arange(len(opposite)) // 3] != region[opposite // 3]
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
@@ -125,7 +122,7 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return for each half-edge (h,) the positions of the last corner up to it in its loop, and of the next corner.
+    """Return, for each half-edge, the positions (h,) of the last corner up to it in its loop, and of the next corner.
     alive : (h,) True for corners."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
@@ -133,12 +130,11 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
     loop_last = np.searchsorted(corner_positions, outline.start[1:]) - 1
     rank = np.searchsorted(corner_positions, np.arange(len(alive)), side="right") - 1
     run = np.where(rank >= loop_first[loop], rank, loop_last[loop])
-    end = np.where(rank + 1 <= loop_last[loop], rank + 1, loop_first[loop])
-    return corner_positions[run], corner_positions[end]
+    return corner_positions[run], corner_positions[np.where(rank < loop_last[loop], rank + 1, loop_first[loop])]
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return the positions (p,) of all steps of loops (k,), loop after loop, and the index of each one's loop."""
+    """Return the positions (p,) of all steps of loops (k,), loop after loop, and the index of the loop of each step."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
@@ -176,19 +172,15 @@ def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
     opposite[table.pairs[:, 0]], opposite[table.pairs[:, 1]] = table.pairs[:, 1], table.pairs[:, 0]
     region, vectors = coplanar_regions(V, F, table)
     outline = simple_loops(outline_of(region, opposite), F)
-    alive = _corners(V, F, table, outline)
-    return _numbered_polyhedron(V, F, shell, region, vectors, table, outline, alive)
+    return _numbered_polyhedron(V, F, shell, region, vectors, table, outline, _corners(V, F, table, outline))
 
 
 def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Bools:
     """Return (n,) True for vertices that the outlines need; vertices inside a straight edge are not needed.
-
     A vertex is not needed if just two outline edges meet there, in line. Every run of such vertices must also lie on
     the line between its ends, because a finely divided circle is locally straight too. Loops keep three corners."""
     a = F.ravel()[outline.h]
-    edge = np.unique(table.of.ravel()[outline.h])
-    degree = np.bincount(table.ends[edge].ravel(), minlength=len(V))
-    alive = degree > 2
+    alive = np.bincount(table.ends[np.unique(table.of.ravel()[outline.h])].ravel(), minlength=len(V)) > 2
     before, after = np.roll(a, 1), a[outline.next]
     before[outline.start[:-1]] = a[outline.start[1:] - 1]
     two = np.flatnonzero(~alive[a])  # nearly every vertex of a curved solid is a corner
@@ -211,8 +203,7 @@ def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Boo
 def _from_line(p: Floats, a: Floats, b: Floats) -> Floats:
     along = b - a
     length = np.maximum(np.linalg.norm(along, axis=1), 1e-300)
-    distances: Floats = np.linalg.norm(np.cross(p - a, along), axis=1) / length
-    return distances
+    return np.asarray(np.linalg.norm(np.cross(p - a, along), axis=1) / length)
 
 
 def _numbered_polyhedron(
@@ -225,7 +216,7 @@ def _numbered_polyhedron(
     outline: FaceOutlines,
     alive: Bools,
 ) -> Polyhedron:
-    """Number points, edges and faces. Each triangle has three steps, so large arrays are freed early."""
+    """Number points, edges and faces."""
     face_of_loop = region[outline.h[outline.start[:-1]] // 3]
     normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     begin, start, (edge, ends, forward) = _long_edges(F, table, outline, alive)

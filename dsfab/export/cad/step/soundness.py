@@ -28,7 +28,6 @@ REDRAWING_ROUNDS = 2  # number of times that OCCT redraws crossing curved faces,
 
 class StepTriangles(NamedTuple):
     """Triangles of a STEP file: V (n, 3) distinct points in metres, F (m, 3) counter-clockwise from outside.
-
     face : (m,) face of the file for each triangle.     lost : number of degenerate triangles that were dropped."""
 
     V: Floats
@@ -39,9 +38,8 @@ class StepTriangles(NamedTuple):
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
     """Return OCCT's triangles after points at the same place were merged."""
-    same_place = 1e-9  # share of the diagonal; OCCT triangulates faces alone, so shared points differ by rounding
-    size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
-    grid = np.round(mesh.V / (same_place * size))
+    same_place = 1e-9  # points nearer than this share of the diagonal are equal; OCCT triangulates each face alone
+    grid = np.round(mesh.V / (same_place * float(np.linalg.norm(np.ptp(mesh.V, axis=0)))))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     F = point_number.reshape(-1)[mesh.F]
     is_proper = (np.roll(F, -1, axis=1) != F).all(axis=1)
@@ -52,11 +50,10 @@ def curved_soundness(
     first_triangles: StepTriangles, deflection: float, shape: bytes, on_redraw: Callable[[], None] = lambda: None
 ) -> Soundness:
     """Judge a solid with curved faces by its triangles.
-
     deflection : largest distance of the triangles from curved faces in metres; 0 without such faces.
     shape      : OCCT's binary shape of the file.    on_redraw : called before faces are redrawn.
 
-    The first triangles decide about all faults except crossings, for which faces are redrawn more finely. Raises
+    Crossings are tested again with finer triangles; the first triangles decide about all other faults. Raises
     ExportError if OCCT takes too long."""
     sound, triangles = soundness(first_triangles.V, first_triangles.F), first_triangles
     crossing_faces: Ints = np.zeros(0, dtype=np.int64)
@@ -72,7 +69,6 @@ def curved_soundness(
 
 def step_fault(path: Path, deflection: float) -> str:
     """Return the reason why a STEP file, drawn with a deflection in metres, is not a solid; "" for a solid.
-
     Raises ExportError if OCCT cannot read the file or takes too long."""
     mesh = read_step(path, deflection / METRES_PER["mm"])
     return triangle_fault(step_triangles(mesh), deflection, mesh.shape)
@@ -115,7 +111,6 @@ def _redraw(
 
 def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
     """Return True for fine triangles that are an oriented manifold with the Euler number of the coarse triangles.
-
     A face that OCCT omits or fails to join changes that number."""
     selected = np.isin(coarse.face, fine.face)
     edges = edge_table(fine.F)
@@ -127,7 +122,7 @@ def _euler(F: Ints) -> int:
     return len(np.unique(F)) - len(edge_table(F).ends) + len(F)
 
 
-MOST_FACES = 2000  # largest number of faces of a file that is cut on trial unasked, in 4 s, or 15 s from text
+MOST_FACES = 2000  # largest number of faces for a trial cut without a request; the cut takes 4 s, from text 15 s
 
 
 @dataclass(frozen=True)

@@ -34,13 +34,13 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 QUICK_FACTOR = 3
-"""Factor of the walls and layouts that `quick` tries to make smooth, because `quick` gets no second chance. OCCT may
-refuse a face with a seam close to an opening; another layout (5 to 10 s) has its seams elsewhere. Of ten user surfaces
-four failed in the first layout; three of these passed in the second and one in the third."""
+"""Factor of the largest numbers of walls and layouts if `quick` tries a smooth file, because no other attempt
+follows. OCCT may refuse a face with a seam close to an opening; another layout (5 to 10 s) has its seams elsewhere. Of
+ten user surfaces four failed in the first layout; three of these passed in the second and one in the third."""
 
 MEMBER_FACES_FACTOR = 2
-"""Factor of the faces that `auto` makes by members if facets exceed the budget. The remaining strategy is smooth,
-and CAD programs fail to cut smooth files: all eight cuts of a cylinder at 45 degrees failed."""
+"""Factor of the largest number of faces by members if `auto` cannot write facets, because these exceed the budget.
+Then only a smooth file remains, which CAD programs fail to cut: all eight cuts of a cylinder at 45 degrees failed."""
 
 
 def prepare(part: Part) -> Part:
@@ -61,7 +61,6 @@ def prepare(part: Part) -> Part:
 
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
     """Yield the part with each strategy in turn, the best first, or the BudgetError of a strategy above the budget.
-
     A solid is simplified before faceting if the user gave a tolerance; otherwise only if all other strategies fail."""
     tighter = 1 / 4  # a second planar file has this share of the tolerance, because curves may cross in a narrow place
     flat, chosen = 0.0, part.step in ("auto", "quick")
@@ -97,8 +96,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return True if members are tried without a request: the sheet has stripes, and for step = 'quick' a boundary.
-
+    """Return True if members are tried without a request: the sheet has stripes and, if step = 'quick', a boundary.
     A smooth file takes half of the time, but CAD programs fail to cut it: of 24 half-space cuts one was valid."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
@@ -114,8 +112,7 @@ def _striped_sheet(part: Part) -> Curved | None:
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
     """Yield the attempts that remain after a faceted part was refused.
-
-    members : the part with the strategy members for slow attempts, or None.
+    members : the part with the strategy members, or None if slow attempts are not allowed.
     quick   : stop if the first simplification is far over the limit."""
     far_factor = 2  # further tries do not help if the faces are more than twice the allowed number
     is_far = False
@@ -148,7 +145,6 @@ def simpler(part: Part, tolerance: float) -> Part:
 
 def default_tolerance(part: Part) -> float:
     """Return the default tolerance of a planar file, millimetres.
-
     The tolerance is 0 for a solid that is neither flat nor folded, or whose folds are not creases. If the user requests
     `planar`, folds need not be creases."""
     try:
@@ -160,14 +156,13 @@ def default_tolerance(part: Part) -> float:
 
 def _may_be_planar(part: Part) -> bool:
     """Return False for the mesh of a curved sheet: flat facets without creases between them.
-
     This quick test needs no mitres and outlines, which take seconds if each facet is one triangle."""
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
-    """Describe the strategy of the file, and the reasons against the strategies that were refused before."""
+    """Describe the strategy of the file, and why better strategies were refused."""
     if part.step == "planar":
         again = f" (a larger tolerance was refused: {refused[-1]})" if refused else ""
         folded = folded_sheet(part)
@@ -206,8 +201,7 @@ def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
     by_members = [error for error in refused if _is_by_members(error)]
     over = [error for error in by_members if isinstance(error, BudgetError)]
     if over:
-        key = "step_faces" if over[-1].by_faces else "step_mb"
-        return f"raise {key} and write step = 'members'"
+        return f"raise {'step_faces' if over[-1].by_faces else 'step_mb'} and write step = 'members'"
     vain = any(isinstance(error, NotByMembersError) and not error.if_asked for error in by_members)
     return "write step = 'faceted'" if vain or _striped_sheet(part) is None else "write step = 'members'"
 
@@ -272,7 +266,6 @@ class Estimate:
 
 def estimates(part: Part) -> tuple[Estimate, ...]:
     """Estimate the cost of each strategy for a prepared part, best first, and mark the one that `write` would use.
-
     Nothing is written, and OCCT checks nothing, so a chosen strategy may still be refused."""
     by_strategy, taken = dict[str, Estimate](), ""
     for attempt in attempts(part):
@@ -307,8 +300,7 @@ def _estimate(part: Part) -> Estimate:
 def _costs(part: Part, strategy: str, faces: int, size: float, note: str = "", refused: str = "") -> Estimate:
     cost = COSTS[strategy]
     seconds = writing_seconds(part, strategy, faces) - (LOADING_SECONDS if strategy == "tessellated" else 0.0)
-    times = (seconds, cost.open * faces)
-    return Estimate(strategy, faces, size, cost.memory * faces, *times, note, refused)
+    return Estimate(strategy, faces, size, cost.memory * faces, seconds, cost.open * faces, note, refused)
 
 
 def _requested_estimate(part: Part, strategy: str) -> Estimate:
@@ -344,8 +336,7 @@ def _estimate_faceted(part: Part) -> tuple[int, float, str]:
 
 
 def _estimate_tessellated(part: Part) -> tuple[int, float, str]:
-    note = f"no deviation; only on request: {entities.WARNING}"
-    return len(part.F), entities.expected_bytes(part), note
+    return len(part.F), entities.expected_bytes(part), f"no deviation; only on request: {entities.WARNING}"
 
 
 SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {

@@ -16,13 +16,13 @@ from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, sig
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
-TOUCHING_SHARE = 1 / 400  # nearer parts of an outline touch, over the thickness; sound outlines are six times farther
+TOUCHING_SHARE = 1 / 400  # an outline's parts touch below this distance over the thickness; few come so near
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
-    """Return the chains of a region that cross another of its chains, seen along the region's mean normal.
-    A chain within `distance` mm of a node of other chains also counts, and so do the chains that end at this node. If
-    the region is turned inside out, all its chains count."""
+    """Return the chains around a region that cross or nearly touch each other, seen along the region's mean normal.
+    Chains nearly touch if an end of one is within `distance` mm of the other. If the region is inside out, all chains
+    are returned."""
     finest = 12  # a cubic gets at most 12 chords; the chords are short at its ends, where chains cross at small angles
     segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
@@ -123,9 +123,9 @@ PLACES = np.linspace(0, 1, 65)  # parameters where the curvature is measured
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Remove hairpin borders, and replace each other inner chain by the simplest curve near it; thickness in mm."""
+    """Remove borders that turn back, and straighten the other inner chains; thickness in millimetres."""
     sideways = 1 / 3  # a chain moves sideways by at most this share of the thickness
-    sag = 1 / 400  # chords are off the curve by at most this share of the thickness; coarser polylines need many spans
+    sag = 1 / 400  # largest distance of chords from the curve, over the thickness; coarser chords need many spans later
     P = np.asarray(net.weights @ lifting.skins.points)
     inner = [k for k, chain in net.chains.items() if chain.right != VOID and len(chain.points) > 2]
     if inner and len(lifting.sides.creases):
@@ -174,9 +174,8 @@ def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> Chai
 
 def _points(curve: Spline, sag: float) -> int:
     fewest = 9  # a straightened chain has at least 9 points
-    bends = np.diff(curve(PLACES), n=2, axis=0) * (len(PLACES) - 1) ** 2
-    largest_bend = float(np.linalg.norm(bends, axis=1).max())
-    return max(fewest, 1 + int(np.ceil(np.sqrt(largest_bend / (8 * sag)))))
+    bends = np.linalg.norm(np.diff(curve(PLACES), n=2, axis=0) * (len(PLACES) - 1) ** 2, axis=1)
+    return max(fewest, 1 + int(np.ceil(np.sqrt(bends.max() / (8 * sag)))))
 
 
 LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thickness
@@ -184,7 +183,7 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """Move borders that end at round corners so that they meet the outline steeply; thickness in millimetres."""
-    rounds = 3  # a border moves by one chain in a round, and a corner may consist of several chains
+    rounds = 3  # a border moves along one chain in each round, and a corner may have several chains
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
@@ -206,7 +205,7 @@ class _BorderEnds:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def move_border(self, node: int) -> None:
-        sharp = 20.0  # degrees; borders at flatter turns of the outline stay, or a dome would get 5 % more faces
+        sharp = 20.0  # degrees; borders at flatter turns stay, because moving them gave a dome 5 % more faces
         gain = 15.0  # a new place must be at least 15 degrees steeper
         steep = 30.0  # a border that meets the outline at 30 degrees or more is not moved
         before, after, (seam, end) = self.nodes[node]
@@ -225,8 +224,7 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Return the sort key of a place for a border's end: its angle, but angles above 45 degrees count as equal.
-        Among these, an end of an arc comes first, because the arc then stays whole."""
+        """Return the rank of a place for a border's end: larger angles first, up to 45 degrees, then ends of arcs."""
         enough = 45.0  # places steeper than 45 degrees rank equal
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep

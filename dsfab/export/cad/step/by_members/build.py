@@ -29,7 +29,7 @@ from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
-"""Limits of processor time for each OCCT program: constant part, and seconds per face; many times the usual time."""
+"""Limit of processor time of each OCCT program: seconds, and seconds per face. Usual times are far shorter."""
 
 CUT_COUNT = len(PLANES)
 
@@ -37,7 +37,6 @@ CUT_COUNT = len(PLANES)
 @dataclass(frozen=True, eq=False)
 class MemberFile:
     """Checked file of a part by members.
-
     solids, faces, trimmed : numbers of solids, faces and trimmed faces.    gap : widest gap, mm.    volume : mm3.
     there, back : largest distance of the solid from the mesh, and of the mesh from the solid, mm.
     used : result of OCCT's trial cuts, as text."""
@@ -115,9 +114,7 @@ def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
 
 @dataclass(frozen=True, eq=False)
 class _TriangleReport:
-    """Report on OCCT's triangles.
-
-    there, back : distances of the triangles from the mesh, and of the mesh from the triangles.
+    """Report on OCCT's triangles. there, back : distances of the triangles from the mesh, and back.
     shape : OCCT's binary shape.    fault : reason why the triangles bound no solid, or why OCCT cannot tell."""
 
     there: MeshDistances
@@ -145,11 +142,8 @@ def _require(passed: bool, complaint: str, error: type[ExportError] = ExportErro
 def _require_solid(
     part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[_TriangleReport]
 ) -> tuple[float, float, bytes]:
-    """Return the largest distance of the solid from the mesh, the largest distance of the mesh from the solid, and
-    OCCT's shape. Raises ExportError for a bad solid."""
-    # Largest error of OCCT's box over the diagonal. The error for a saddle of 5 m is 1.1 % by members, and 20 % for the
-    # smooth file, which would otherwise be written.
-    wide_box = 2e-2
+    """Return the largest distances from solid to mesh and back, and OCCT's shape; or raise ExportError."""
+    wide_box = 2e-2  # largest error of OCCT's box over the diagonal; for a saddle of 5 m it is 1.1 % (smooth file 20 %)
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)
     _require(len(findings) == draft.solids, "OCCT did not read the solids by members within the time limit")

@@ -13,7 +13,7 @@ from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.splines import Spline, arc_lengths, basis, bernstein, even_samples, splines_through
 
-READ_PLACES = np.array([0.05, 0.35, 0.65, 0.95])  # parameters of four points of a cubic, which determine its poles
+READ_PLACES = np.array([0.05, 0.35, 0.65, 0.95])  # parameters at which four points of a cubic determine its poles
 
 READ_MATRIX = bernstein(READ_PLACES)
 POLE_MATRIX = np.linalg.inv(READ_MATRIX)
@@ -22,7 +22,6 @@ POLE_MATRIX = np.linalg.inv(READ_MATRIX)
 @dataclass(frozen=True, eq=False)
 class InnerSpline:
     """Cubic splines with continuous curvature on k spans between breaks (k + 1,); they are zero at both ends.
-
     places : (k + 1,) means of three knots; values at these places determine the spline [de Boor 1978, chapter XIII].
     poles  : (k, 4, k + 1) Bezier poles of each span for a unit value at each place."""
 
@@ -37,12 +36,11 @@ class InnerSpline:
 
     @cached_property
     def hats(self) -> Floats:
-        """(k + 1, k, 4) weight of each Bezier pole of each span in the value at each place."""
+        """(k + 1 places, k spans, 4) weights of the Bezier poles in the curve's point at each place."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
-        share = (self.places - self.breaks[span]) / np.diff(self.breaks)[span]
-        hats[np.arange(count + 1), span] = bernstein(share)
+        hats[np.arange(count + 1), span] = bernstein((self.places - self.breaks[span]) / np.diff(self.breaks)[span])
         return hats
 
 
@@ -101,7 +99,7 @@ class SampledChain:
         return {}
 
     def point(self, x: float) -> Floats:
-        """(6,) point of the chain at a share of its length, below 1."""
+        """Return the point (6,) at a share x < 1 of the chain's length."""
         s, to = self.lengths, x * self.lengths[-1]
         i = int(s.searchsorted(to, side="right"))
         return np.asarray((self.Q[i] - self.Q[i - 1]) / (s[i] - s[i - 1]) * (to - s[i - 1]) + self.Q[i - 1])
@@ -151,10 +149,9 @@ class ChainCurve:
 
 
 def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
-    """Return the poles (k, 4, d) of parts of cubics with poles (k, 4, d), from share `start` to share `end` (k,)."""
+    """Return the poles (k, 4, d) of cubics (k, 4, d) between the parameters `start` and `end` (k,)."""
     inside = start[:, None] + (end - start)[:, None] * READ_PLACES
-    rows = bernstein(inside.ravel()).reshape(len(poles), 4, 4)
-    return np.asarray(POLE_MATRIX @ rows @ poles)
+    return np.asarray(POLE_MATRIX @ bernstein(inside.ravel()).reshape(len(poles), 4, 4) @ poles)
 
 
 def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list[ChainCurve]:
@@ -178,28 +175,26 @@ def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], 
 
 
 def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dict[int, SampledChain]:
-    """Sample the chains of a net on the smooth skins; the result is by number of the chain."""
+    """Return samples of the chains of a net on the smooth skins, by number of the chain."""
     numbers = list(net.chains)
     points = [net.chains[k].points for k in numbers]
     start, end = (np.concatenate([p[part] for p in points]) for part in (slice(-1), slice(1, None)))
     start_weights, end_weights = net.weights[start], net.weights[end]
     shares = np.arange(SAMPLES_PER_EDGE) / SAMPLES_PER_EDGE
     parts = [csr_array(start_weights * (1 - t) + end_weights * t) for t in shares]
-    last_points = net.weights[np.array([p[-1] for p in points])]
-    Q = lifting.points(csr_array(vstack([*parts, last_points], format="csr")))
+    Q = lifting.points(csr_array(vstack([*parts, net.weights[np.array([p[-1] for p in points])]], format="csr")))
     count, chord = len(start), limits.allowed_distances(Q[: len(start), :3]) - limits.distance
     inner = Q[: SAMPLES_PER_EDGE * count].reshape(SAMPLES_PER_EDGE, count, 6).transpose(1, 0, 2)
     position, result = 0, dict[int, SampledChain]()
     for i, (k, p) in enumerate(zip(numbers, points, strict=True)):
-        inner_points = inner[position : position + len(p) - 1].reshape(-1, 6)
-        Qk = np.concatenate([inner_points, Q[[SAMPLES_PER_EDGE * count + i]]])
+        Qk = np.concatenate([inner[position : position + len(p) - 1].reshape(-1, 6), Q[[SAMPLES_PER_EDGE * count + i]]])
         result[k] = SampledChain(Qk, net.chains[k].right == VOID, float(chord[position : position + len(p) - 1].min()))
         position += len(p) - 1
     return result
 
 
 PARABOLA_SHARE = 1 / 10  # largest distance of a parabola from its cubic, over the allowed distance from the mesh
-ZERO_DIFFERENCE = 1e-8  # smaller third differences (mm) count as zero, as curves are cut and reversed before writing
+ZERO_DIFFERENCE = 1e-8  # smaller third differences (mm) are rounding errors
 
 BOW_FACTOR = np.sqrt(3) / 36
 """Distance of a cubic with third difference 1 from its parabola: the maximum of x (1/2 - x) (1 - x)."""
@@ -208,7 +203,7 @@ BOW_FACTOR = np.sqrt(3) / 36
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
     """Replace each curve whose cubics are nearly parabolas by parabolas.
     distance : allowed distance of a solid from its mesh, mm.
-    box      : (2, 3) box around the skins. A curve stays cubic if its parabolas have poles over `distance` outside."""
+    box      : (2, 3) box around the skins. Poles of parabolas may be at most `distance` outside the box."""
     wide, tolerance = box + distance * np.array([[-1.0], [1.0]]), PARABOLA_SHARE * distance
     simple = [_are_parabolas(curve.spans, tolerance, wide) for curve in curves]
     return [replace(c, spans=as_parabolas(c.spans, 1)) if yes else c for c, yes in zip(curves, simple, strict=True)]
@@ -223,7 +218,6 @@ def as_parabolas(P: Floats, axis: int) -> Floats:
 
 def patches_as_parabolas(P: Floats, distance: float) -> Floats:
     """Lower the degree of patches (ku, kv, 4, 4, 6) to 2 in each direction in which the sides are parabolas.
-
     No pole moves by more than `PARABOLA_SHARE` of the allowed `distance` from the mesh, mm; the sides do not change."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
         if np.abs(_third(sides.swapaxes(0, -2))).max() < ZERO_DIFFERENCE:
@@ -251,7 +245,7 @@ def _middle_pole(P: Floats) -> Floats:
 
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
-    """Return whether cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
+    """Return True if cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
     turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # end tangents turn at most 0.5 degrees, and 0.25 out of the skin
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)

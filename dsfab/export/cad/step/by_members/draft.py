@@ -48,13 +48,12 @@ from dsfab.export.part import Part, StripedSheet
 from dsfab.surface import edge_table, link_components
 
 EDGE_DIGITS = 7
-"""Decimals of the coordinates of edges in mm. An edge that is part of a patch's side has other poles than the side.
-OCCT ignores differences below 1e-7 mm. But a shortened edge has other samples, and if its difference grows by a
-thousandth the edge becomes invalid."""
+"""Decimals of the coordinates of edges (mm). OCCT ignores gaps below 1e-7 mm between an edge and the side of its
+patch. When OCCT shortens an edge, a larger gap may grow slightly, and the edge becomes invalid."""
 
 
 class NetWriter:
-    """Writer of a model's STEP entities into `new`. thickness : mm. The two sides of a seam share their entities."""
+    """Writer of a model's STEP entities into the list `new`; the two sides of a seam share their entities."""
 
     def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
         self.new, self.model = entity_list, model
@@ -152,8 +151,8 @@ class NetWriter:
 
 
 GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges, as a share of the thickness
-PASSES = 3  # number of repeated tests for crossing outlines: outlines of joined or undivided regions may cross again
-UNASKED = 7000  # largest number of faces if `hurry` is 1 and nobody requested members; more faces take half a minute
+PASSES = 3  # largest number of tests for crossing outlines, because changed outlines may cross again
+UNASKED = 7000  # largest number of faces with `hurry` = 1, if the user did not request members; more take half a minute
 
 
 class ManyFacesError(ExportError):
@@ -173,17 +172,16 @@ class MemberDraft:
 
 def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
     """Encode a part without checks. Raises ExportError if that fails, and ManyFacesError for too many faces.
-
-    fine : measure the distance of faces from the mesh, keep borders close to the skins, and use more points in long
-           triangles, see `RegionInterior`."""
+    fine : True to measure the distance of faces from the mesh, keep borders close to the skins, and use more points in
+           long triangles, see `RegionInterior`."""
     with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)
 
 
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
-    least_walls = 3 / 4  # estimate: at least this share of the outline chains become walls (usually 14 of 15)
+    least_walls = 3 / 4  # smallest share of outline chains that become walls; usually 14 of 15 chains do
     if plan.curved.striped is None:
-        raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
+        raise ExportError("STEP by members needs the stripes of the sheet, but they are unknown")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
     entity_list, pieces, trimmed = StepEntities(), list[list[int]](), list[TrimmedFace]()
     for sheet in _sheets(plan.curved.striped()):
@@ -228,7 +226,7 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
-    """Return the simplified net of a piece: about one wall for an outline chain, two faces or more for a region."""
+    """Return the simplified net of a piece of the sheet."""
     lens_share = 1 / 3  # a region between two chains is removed if it is narrower than this share of the thickness
     wall_share = 1 / 20  # a wall between two borders is removed if it is shorter than this share of the thickness
     t, skins = plan.limits.thickness, lifting.skins
@@ -288,8 +286,7 @@ def _trimmed_faces(net: ChainNet, model: NetModel, interior: RegionInterior, fit
 
 
 def _close(face: TrimmedFace | None, plan: SolidPlan) -> bool:
-    tolerance = OUTLINE_SHARE * plan.limits.distance
-    return face is not None and face.gap <= SPLIT and face.off <= tolerance
+    return face is not None and face.gap <= SPLIT and face.off <= OUTLINE_SHARE * plan.limits.distance
 
 
 def _with_cut_ends(
@@ -312,7 +309,7 @@ def _with_cut_ends(
 
 
 def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return the poles around each trimmed region; if one line changes, the poles around all its regions change."""
+    """Return the poles of all curves around each trimmed region, as bytes."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -362,7 +359,7 @@ class _Fits:
 
 def _wanted_gap(thickness: float) -> float:
     # For gaps below 0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles.
-    narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough below 0.01 mm and this share of the thickness
+    narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough if it is below both limits
     return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))
 
 

@@ -29,8 +29,7 @@ PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from 
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return curves (4, 6) as poles (2, 4, 2) in the parameters of a trimmed face's two surfaces.
-    Return None if the curves leave the surfaces."""
+    """Return curves (4, 6) as poles (2, 4, 2) in the parameters of a face's surfaces; None if curves leave them."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
@@ -38,7 +37,7 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
     """Return ends (2, 2, 2) of curves (4, 6) in the parameters of a patch; None unless the curves run along its side.
-    edge : (4, 6) edge that the curves extend.    share : (2,) extensions before and after it, in its parameter."""
+    edge : (4, 6) edge that the curves extend.    share : (2,) extensions at start and end, over the edge's length."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -67,42 +66,40 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
     return bool(np.abs(points - bernstein(PLACES) @ poles).max() < FACE_TOLERANCE)
 
 
-FILLET_SHARE = 1 / 6  # radius over the thickness of the fillet for which seams are extended: radius times tan(turn / 2)
+FILLET_SHARE = 1 / 6  # radius of a fillet over the thickness; seams extend by tan(turn / 2) times this radius
 MARGIN = 0.1  # surfaces extend farther than the seam by this share of the seam's extension
 
 LARGE_FILLET_SHARE = 1 / 8
-"""Radius over the thickness of the fillet for which the patch beyond a seam along a wall's edge is extended. OCCT
-extends the patch along its tangents, and the gap at the fillet's end becomes the tolerance of the seam. If the
-tolerance is above 1e-4 mm, the seam runs backwards, and the solid is invalid."""
+"""Radius over the thickness of the largest fillet at a seam that continues a wall's edge. OCCT extends the patch
+there along its tangents, and the gap at the fillet's end becomes the seam's tolerance. If this tolerance is above 1e-4
+mm, the seam runs backwards, and the solid is invalid."""
 
 TANGENT_GAP = 3e-5
-"""Wanted gap (mm) at the end of the fillet. With a smaller gap the tolerance is ten times that of the seam, 1e-6 mm.
-But then the extended seam was off the other patch by up to 2e-6 mm, because the wall's edge has another parameter."""
+"""Wanted gap (mm) at the end of the fillet. With a smaller gap, extended seams were up to 2e-6 mm off the other
+patch, because the wall's edge has another parameter."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of a pole of a seam along a wall's edge, if the face beyond is a trimmed face and wide enough. The
-extended seam was off by up to 1.4e-5 mm; with the movement its tolerance is 4e-5 mm."""
+"""Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face. Extended seams were up to
+1.4e-5 mm off the face; the movement gives them a tolerance of 4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
-    """Extended seam, or the edge of a wall beside a corner where an extended seam ends.
-    poles : (4, 6) of its curves, mm.
-    on    : by face (patches first, trimmed faces last), the curves as poles (2, k, 2) in its surfaces' parameters."""
+    """Extended seam, or the edge of a wall beside a corner where an extended seam ends. poles : (4, 6), mm.
+    on : by face (patches first, trimmed faces last), the curves as poles (2, k, 2) in its surfaces' parameters."""
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return the poles (4, 6) of extended seams, by edge. A seam is extended if no other seam ends at its filled
-    corner."""
+    """Return the poles (4, 6) of extended seams, by edge. A seam extends if no other seam ends at its filled corner."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return for each edge the shares (2,) by which it extends beyond its start and its end, and the poles (4, 6)."""
+    """Return, by edge, the extensions (2,) at start and end over the edge's length, and the extended poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -119,14 +116,12 @@ def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, t
 
 def _share(poles: Floats, end: int, half: float) -> float:
     radius = FILLET_SHARE * float(np.linalg.norm(poles[-end, :3] - poles[-end, 3:]))
-    handle = poles[-end] - poles[-2 if end else 1]
-    slow = min(float(np.linalg.norm(part)) for part in np.split(handle, 2))
+    slow = min(float(np.linalg.norm(part)) for part in np.split(poles[-end] - poles[-2 if end else 1], 2))
     return radius * half / max(3 * slow, 1e-300)
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return the share of its length by which a seam must extend. From there OCCT extends it along its tangent, which
-    is off by `TANGENT_GAP` at the end of the largest fillet."""
+    """Return the extension of a seam, over its length, beyond which OCCT's extension is at most `TANGENT_GAP` off."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -142,8 +137,8 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend surfaces along extended seams. Return the model, the trimmed faces, and by edge the extended seams and the
-    edges beside them. A seam that would leave one of its faces is not extended."""
+    """Extend seams and their surfaces, except a seam that would leave one of its faces.
+    Return the model, the trimmed faces, and, by edge, the extended seams and the edges beside them."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -190,7 +185,7 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return the parameter boxes and places (2, 2, 2) that patches must cover beside seams along a wall's edge."""
+    """Return, by patch, parameter boxes and places (2, 2, 2) to cover beside seams that continue a wall's edge."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -263,9 +258,9 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
 CLEAR_EDGE = 1 / 7  # radius over the thickness of the largest fillet that ends before the nearest cut of a wall's edge
 
 LONGEST_SHARE = 4.0
-"""Largest length of an edge at a corner, over the thickness and the tangent of half a turn (up to 1). OCCT extends
-the edge beyond the fillet and back, and looks for the end of the fillet with few samples. If the fillet takes less than
-1.5 % of the edge, OCCT may find the far end: fillets of 5 mm on 700 mm and of 2 mm on 180 mm failed."""
+"""Largest length of an edge at a corner, divided by the thickness and by the tangent of half the turn (at most 1).
+OCCT searches the end of a fillet with few samples of the edge. If the fillet takes less than 1.5 % of the edge, OCCT
+may find the edge's far end: fillets of 5 mm on 700 mm and of 2 mm on 180 mm failed."""
 
 DENSE = np.linspace(0, 1, 129)  # parameters where an edge is compared with its trimmed face
 
@@ -305,8 +300,8 @@ def _directed_walls(
 def _stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
-    """Return the shares where an edge with corners is cut.
-    Between a corner and its cut, no gap to the trimmed face may be wider than the gaps at the corner and at the cut.
+    """Return the shares of its length at which an edge with corners is cut.
+    No gap to the trimmed face between a corner and its cut may be wider than the gaps at the corner and at the cut.
     corners : tangents of half the turns at start and end, 0 without a corner.
     ending  : True at a corner where the directed edge ends; there the cut is at most `LONGEST_SHARE` away."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
@@ -339,7 +334,7 @@ class CutEdges:
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at `stops`, shares in the direction `ahead`. against : reverse the first part."""
+        """Cut an edge at `stops`, shares of its length in the direction `ahead`. against : reverse the first part."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

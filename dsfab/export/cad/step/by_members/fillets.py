@@ -39,7 +39,7 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
     """Remove walls shorter than `shortest` mm between the ends of two borders; both borders then end in one place.
-    Beside a short wall an arc ends at any angle, and OCCT rounded only 4 of 12 edges at four feet of members."""
+    With short walls, OCCT rounded only 4 of 12 edges at four feet of members."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
@@ -66,8 +66,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the outline's chain that ends at a node, the one that begins there, and the end of the only border there.
-    Return None at other nodes."""
+    """Return the outline chains before and after a node, and the end of the only border there; None at other nodes."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -80,10 +79,8 @@ def turn_at(three: Floats) -> float:
 
 
 class _Arcs:
-    """Arcs of round corners, extended by their continuations in the outlines of members.
-
-    A continuation is a short chain after an arc, beyond the border at the arc's end. The member's wall follows it, and
-    no border ends between continuation and wall."""
+    """Arcs of round corners that grow by short chains beyond the borders at their ends.
+    The member's wall follows such a chain, and no border ends between chain and wall."""
 
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs
@@ -220,9 +217,8 @@ class _Fillets:
         self.loose.discard(region)
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
-        """Return the crossing behind a fillet: the region between both members, or a region with a far shorter border
-        than the other region. Return None if there is no crossing."""
-        smaller = 0.6  # the crossing is a region whose border is shorter than this share of the other border
+        """Return the region behind a fillet where both members cross; None if there is no such region."""
+        smaller = 0.6  # the border of the crossing is shorter than this share of the other region's border
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
         if len(inner) != 2 or neighbours[0] == neighbours[1]:
@@ -248,7 +244,7 @@ class _Fillets:
         return [k for k in self.at.get(point, []) if k in self.chains]
 
     def _divide_arc(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
-        """Divide an arc between the first and last region behind it. halves : points of their parts, in this order."""
+        """Divide an arc between the first and the last region behind it. halves : points of both parts."""
         for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
             replacement: ChainLoop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None

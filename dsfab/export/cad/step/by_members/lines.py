@@ -53,10 +53,9 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts them. A cubic is divided at a chain's end near its middle, or
-        otherwise in the middle."""
+        """Divide cubics until `may_stay` accepts them: at a chain's end near the middle, or otherwise in the middle."""
         shortest = 1 / 16  # shorter spans are not divided, because poles at the ends of lines may lie outside the box
-        middle_share = 1 / 4  # a chain's end within this share of a cubic is near the cubic's middle
+        middle_share = 1 / 4  # a chain's end counts as near the middle up to this share of the cubic
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -168,9 +167,8 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Return the points (6,) of nodes inside lines, by node.
-    When the ends of a line move, its inner nodes move too, and these may be ends of further lines. So the points solve
-    a linear system."""
+    """Return the points (6,) of inner nodes of lines, by node.
+    Inner nodes move with the ends of their line and may be ends of further lines, so they solve a linear system."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -289,8 +287,7 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the arcs of round corners by chain. At an end without a known direction, an arc has the direction of
-        its chain."""
+        """Return the arcs of round corners by chain. Where no direction is known, an arc has its chain's direction."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))

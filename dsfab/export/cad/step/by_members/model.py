@@ -13,7 +13,7 @@ from dsfab.export.cad.step.by_members.patch_sides import Quad, SideGrid, SideSta
 from dsfab.export.cad.step.by_members.patches import PatchBuilder
 from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
-MOST_CELLS = 2  # largest number of patches in a compact region; with more, as in a round crossing, it is trimmed
+MOST_CELLS = 2  # a compact region with more patches, such as a round crossing, is trimmed
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,6 @@ class NetPatch:
 @dataclass(eq=False)
 class NetModel:
     """Boundary model of a solid by members.
-
     vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches.
     compact  : trimmed regions with four sides, which could be divided into patches.
     seam     : True for a one-sided surface that was cut open; there the outer skin becomes the inner skin."""
@@ -66,7 +65,7 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Return the poles along loops of edges as bytes: equal for equal curves, whatever the numbers of the edges."""
+        """Return the poles along loops of edges as bytes, which do not depend on the numbers of the edges."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
@@ -99,7 +98,7 @@ def net_model(
 ) -> NetModel:
     """Build the model of a net.
     covering : builds patches; a region whose patches are bad is trimmed.
-    patched  : four-sided regions that are not trimmed for having more than `MOST_CELLS` patches."""
+    patched  : four-sided regions that may have more than `MOST_CELLS` patches."""
     stations, quad_list = SideStations(lines, chains), list(quads)
     whole_quads = [quad for quad in quad_list if quad.region not in patched and stations.cells(quad) > MOST_CELLS]
     compact = frozenset(quad.region for quad in whole_quads if _compact(quad, chains))
@@ -278,7 +277,7 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Return the tangent of half the turn at a corner, a fillet's length over its radius; 0 for a smooth corner."""
+    """Return the tangent of half the turn at a corner: length of a fillet over its radius; 0 for a smooth corner."""
     smooth = np.cos(np.deg2rad(10.0))  # two walls that turn by at most 10 degrees need no fillet
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 

@@ -53,7 +53,7 @@ def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledCha
 
 
 def _corners(angle: Floats) -> Ints | None:
-    blunt_limit = 60.0  # with more than four possible corners, all except the four sharpest turn by less (degrees)
+    blunt_limit = 60.0  # largest turn (degrees) at nodes other than the four sharpest ones
     straight_limit = 30.0  # a node with a smaller turn (degrees) is not a corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)
@@ -79,7 +79,7 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) their ends as shares of its length."""
+    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) their ends over the side's length."""
 
     parts: list[LinePart]
     at: Floats
@@ -145,7 +145,7 @@ class SideStations:
         return first_parts, self._parts_between(second_side, second_breaks, pairs[1])
 
     def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], cuts: Floats) -> list[LinePart]:
-        """Divide a side at shares (k,) of its length; a share where its lines have no break yet becomes a station."""
+        """Divide a side at shares (k,) of its length; shares where the side's lines have no break become stations."""
         ends, parts = np.concatenate([[0.0], cuts, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
@@ -156,7 +156,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # a division of the line within this share of the stations' distance replaces a new one
+        snap_share = 0.15  # a station of the line is used again within this share of the distance to the next stations
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -172,8 +172,7 @@ class SideStations:
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
     """Pair the stations of two opposite sides; return their positions as ascending shares (k,) of each side's length.
-    Near stations form a pair. If both sides have equally many and none differ by much, they pair in order. A station
-    without a partner gets one by interpolation between its neighbours."""
+    Near stations form pairs. A station without a partner gets one by interpolation between its neighbours."""
     tolerance = 0.1  # paired stations differ by at most this share of a side
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares
@@ -194,14 +193,12 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Share of the mesh's chord error in the tolerance of lines, a quarter of the share for walls of smooth solids.
-Skins of a coarse mesh wave, and curves move onto the skins later. With 1/2 a torus was 3.8 mm off where 3.4 are
-allowed."""
+"""Share of the mesh's chord error in the tolerance of lines. With 1/2, as for walls of smooth solids, a torus was
+3.8 mm off where 3.4 are allowed, because the curves later move onto skins that wave."""
 
 
 class LineFits:
     """Fits of lines, with a cache for chains with unchanged points.
-
     distance : allowed distance of a solid from the mesh, mm.    box : (2, 3) box that must hold the poles, mm.
     skins    : (2, 3) box around the skins, which must hold the poles of a parabola, mm.
     away     : function of points (k, 6); returns vectors to both skins.
@@ -247,8 +244,7 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return True for each line to keep. A line of several chains must be near them, and have fewer spans than
-        separate fits of the chains."""
+        """Return True for lines of one chain, and for lines near their chains with fewer spans than separate fits."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
@@ -278,8 +274,7 @@ class LineFits:
         if not curves:
             return lines
         poles = np.concatenate([curve.spans for curve in curves])
-        samples = bernstein(np.linspace(0, 1, 9)[1:-1]) @ poles
-        vectors = self.away(samples.reshape(-1, 6)).reshape(len(poles), -1, 3)
+        vectors = self.away((bernstein(np.linspace(0, 1, 9)[1:-1]) @ poles).reshape(-1, 6)).reshape(len(poles), -1, 3)
         chord, thick = (poles[:, 0, :3] - end for end in (poles[:, 3, :3], poles[:, 0, 3:]))
         is_long = np.linalg.norm(chord, axis=1) > np.linalg.norm(thick, axis=1)
         is_far = is_long & (np.linalg.norm(vectors, axis=2).max(axis=1) > OUTLINE_SHARE * self.distance)
@@ -288,8 +283,7 @@ class LineFits:
 
 
 def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
-    """Return the tolerance (mm) of each chain: shares of the allowed distance and of the mesh's chord error. Around a
-    narrow opening it is at most a share of the opening's width."""
+    """Return the tolerance (mm) of each chain; around narrow openings, at most a share of the opening's width."""
     tolerances = {k: OUTLINE_SHARE * distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
     after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
     while after:
@@ -323,7 +317,7 @@ def _turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd,
 def _links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
     """Pair the ends of chains where one line continues: between chains of a region's side, and along smooth outlines.
     An arc may continue an outline, but not a border between members."""
-    smooth = 10.0  # two chains of an outline become one line if it turns by at most 10 degrees
+    smooth = 10.0  # two chains of an outline become one line if the outline turns by at most 10 degrees
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:
         for side in quad.sides:
@@ -363,6 +357,5 @@ def _rows(chains: Iterable[int], links: Mapping[ChainEnd, ChainEnd]) -> list[Cha
 
 
 def _halves(row: ChainLoop, turn: Turn) -> list[ChainLoop]:
-    turns = [turn(end_of(a), end_of((k, not ahead))) for a, (k, ahead) in pairwise(row)]
-    i = int(np.argmax(turns)) + 1
+    i = 1 + int(np.argmax([turn(end_of(a), end_of((k, not ahead))) for a, (k, ahead) in pairwise(row)]))
     return [row[:i], row[i:]]

@@ -69,7 +69,6 @@ ROWS = rows_at(PLACES)
 @dataclass(frozen=True, eq=False)
 class FaceLimits:
     """Limits of faces, millimetres.
-
     gap : largest gap between trimmed faces and their edges.
     off : largest distance of a face from the points that it is fitted to, inside its edges.
     box : (2, 3) box that must hold the poles.
@@ -86,9 +85,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return by how much surfaces inside outlines (., 3) exceed the allowed distance from the mesh at their worst
-    point.
-    The result is -inf without a limit."""
+    """Return the largest excess of surfaces inside outlines (., 3) over the distance allowed from the mesh, or -inf."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -163,7 +160,7 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Return the least ratio of a patch's smallest to its largest Jacobian, for patches (..., 4, 4, 3).
+    """Return the smallest Jacobian of a patch over its largest, for the worst of patches (..., 4, 4, 3).
     The Jacobian is the component of the surface's normal vector along the patch's mean normal."""
     P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
     B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
@@ -184,7 +181,7 @@ class PatchBuilder:
         self.known = dict[int, tuple[list[bytes], Floats | None]]()
 
     def __call__(self, regions: Sequence[int], sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
-        """Return the poles (ku, kv, 4, 4, 6) of each region, or None if its patches are folded or too far off.
+        """Return the poles (ku, kv, 4, 4, 6) of each region; None if its patches are folded or far from the skins.
         sides : bottom, right, top and left side of each region, see `coons`."""
         poles = [[side.tobytes() for side in four] for four in sides]
         changed = [i for i, region in enumerate(regions) if self.known.get(region, ((),))[0] != poles[i]]

@@ -78,7 +78,7 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def _narrow(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if the chord of a row of chains cuts off a narrow piece of the region, or lies outside of it."""
+    """Return True if the chord of a row of chains cuts off a narrow piece of the region, or runs outside the region."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 
@@ -88,13 +88,11 @@ def _points(net: ChainNet, loop: ChainLoop) -> Ints:
 
 
 LEAST_COSINE = 0.75
-"""Smallest cosine between the normals of a region and their mean. Trimmed faces need only 0.35, but with 0.35 a few
-faces were 2 mm off their edges."""
+"""Smallest cosine between the normals of a region and their mean. With 0.35, a few faces were 2 mm off their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide regions that bend too much, if they have a single outline with nodes. The first points of the net must be
-    the points of the sheet."""
+    """Divide regions that bend too much and have a single outline. The net must begin with the sheet's points."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
@@ -124,7 +122,7 @@ class _BendSeams:
         self.net, self.F, self.skins = net, sheet.F, lifting.skins
         self.P = np.asarray(sheet.weights @ self.skins.points)
         a, b, c = (self.P[self.F[:, i]] for i in range(3))
-        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # a sliver's own normal would be inexact
+        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # normals of slivers are inexact
         self.N = unit_vectors(N) * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
 
     def least_cosine(self, region: int) -> float:
@@ -143,7 +141,7 @@ class _BendSeams:
         return bool(outline**2 < stout_limit * area)
 
     def _normal_spread(self, cells: Ints) -> float:
-        """Return the sum of the areas of cells minus the length of their area vector; 0 for a flat region."""
+        """Return the total area of cells minus the length of their area vector; 0 for a flat region."""
         N = self.N[cells]
         return float(np.linalg.norm(N, axis=1).sum() - np.linalg.norm(N.sum(axis=0)))
 
@@ -155,7 +153,7 @@ class _BendSeams:
         return -1 if seam is None else self._with_seam(region, *seam)
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
-        most_left = 0.8  # limit of the cost after the division (rest of the bend plus seam); the cost before is 1
+        most_left = 0.8  # largest cost after the division: remaining bend plus seam; the cost before is 1
         seam_cost = 0.1  # a seam as long as the root of the region's area costs 0.1
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
@@ -247,5 +245,4 @@ def _on_the_right(F: Ints, path: Ints) -> Bools:
     start, end = half_edges(cells)
     backwards = {(int(b), int(a)) for a, b in pairwise(line)}
     adjacent = np.concatenate([half_edges_a[across], half_edges_b[across]]).tolist()
-    right_cells = [h // 3 for h in adjacent if (int(start[h]), int(end[h])) in backwards]
-    return np.isin(part, part[right_cells])
+    return np.isin(part, part[[h // 3 for h in adjacent if (int(start[h]), int(end[h])) in backwards]])

@@ -15,8 +15,8 @@ from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, ne
 CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest turn of an outline that counts as a corner
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
-"""Cosine of the smallest turn at a vertex of a round corner, seen along the sheet's normal. Nodes mark the ends of
-round corners. Where a coarse mesh bends, an outline turns in space with the mesh but is straight in this view."""
+"""Cosine of the smallest turn at a vertex of a round corner. Nodes mark the ends of round corners. Turns are seen
+along the sheet's normal, because an outline also turns where a coarse mesh bends."""
 
 VOID = -1  # number in place of a region, for the space beyond an outline
 ChainLoop = list[tuple[int, bool]]  # chains in order; True means that the loop runs along the chain, False against it
@@ -25,7 +25,6 @@ ChainLoop = list[tuple[int, bool]]  # chains in order; True means that the loop 
 @dataclass(frozen=True, eq=False)
 class Chain:
     """Chain of mesh edges between two nodes.
-
     points : (k,) rows of the net's weights; the first and the last are nodes.    left, right : regions (or VOID)."""
 
     points: Ints
@@ -48,11 +47,10 @@ class Chain:
 @dataclass(frozen=True, eq=False)
 class ChainNet:
     """Regions of a sheet and the chains of mesh edges between them.
-
     weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
     loops   : by region, with the region on the left.    loose : regions outside of all stripes.
     cell    : (m,) region of each cell of the sheet.
-    parent  : for a region without own cells, the region that it was cut from, which has its cells.
+    parent  : by region that was cut off another region, the other region, which keeps the cells of both.
     twins   : pairs of points on both sides of a seam, see `StripedSheet`."""
 
     weights: csr_array
@@ -75,8 +73,7 @@ class ChainNet:
 
 
 CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
-"""Function that tells for points with weights whether lines between them lie on a crease, see
-`CreaseSides.lines_on_creases`."""
+"""Function that tells which lines between points lie on a crease, see `CreaseSides.lines_on_creases`."""
 
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
@@ -91,7 +88,7 @@ def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased:
 
 
 def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
-    """Return for each node the chains that begin there (with 0) and the chains that end there (with -1)."""
+    """Return for each node the chains that begin there, with 0, and the chains that end there, with -1."""
     node_ends = dict[int, list[tuple[int, int]]]()
     for k, chain in net.chains.items():
         for end in (0, -1):
@@ -118,7 +115,7 @@ def turns(before: Floats, after: Floats, N: Floats) -> Floats:
 def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
-    """Return the connected region (m,) of each cell, and the loose regions.
+    """Return the connected region (m,) of each cell, and the numbers of regions outside of all stripes.
     apart : (i,) True for pairs of neighbours with a crease between them."""
     sliver = 1 / 4  # a region joins a neighbour if the root of its area is below this share of the thickness
     f, g = edges.pairs.T // 3
@@ -170,8 +167,7 @@ class _BorderWalk:
         direction = unit_vectors(self.P[self.end] - self.P[self.start])
         turn = np.einsum("ki,ki->k", direction[h], direction[self.after[h]])
         void = self.right[h] == VOID
-        sharp = (turn < CORNER_COSINE) & void & ~loose[h // 3]
-        node[self.end[h[sharp]]] = True
+        node[self.end[h[(turn < CORNER_COSINE) & void & ~loose[h // 3]]]] = True
         bent = turns(direction[h], direction[self.after[h]], self.N[self.end[h]]) < ROUND_COSINE
         node[self.end[h[self._round_ends(bent, void)]]] = True
         for side_a, side_b in (self._seam_points, self._seam_points[::-1]):
@@ -186,7 +182,7 @@ class _BorderWalk:
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
         """Return the (k,) border half-edges where a round corner of the outline begins or ends.
-        bent : (k,) True where the outline turns.    void : (k,) True for half-edges of the outline."""
+        bent, void : (k,) True for half-edges where the outline turns, and for half-edges of the outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]
@@ -202,8 +198,7 @@ class _BorderWalk:
         chains, number = dict[int, Chain](), dict[int, tuple[int, bool]]()
         loops: dict[int, list[ChainLoop]] = {}
         for cycle in cycles:
-            begin = int(np.flatnonzero(self.node[self.start[cycle]])[0])
-            cycle = np.roll(cycle, -begin)
+            cycle = np.roll(cycle, -int(np.flatnonzero(self.node[self.start[cycle]])[0]))
             cuts = np.flatnonzero(self.node[self.start[cycle]])
             loop = list[tuple[int, bool]]()
             for part in np.split(cycle, cuts[1:]):
@@ -295,8 +290,7 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
     """Remove regions of two chains that are narrower than `width`. P : (p, 3) points of the net.
-    Each such region joins the region beyond an inner chain. Otherwise one chain could cross the other when it is
-    straightened, with no face between them."""
+    Such a region joins a neighbour, because its two chains could cross when they are straightened."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
@@ -328,7 +322,7 @@ def vector_area(line: Floats) -> Floats:
 
 
 INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-"""Barycentric points in each cell that hold a trimmed face near the skins; with the centre alone the face may wave."""
+"""Barycentric points in each cell that hold a trimmed face near the skins; with only the centre, a face may wave."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
 """Extra points in cells longer than the thickness. In triangles of 180 mm in a sheet of 100 mm, a surface of degree
@@ -364,7 +358,7 @@ class RegionInterior:
         return self.lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in weights], format="csr")))
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
-        """Return (m,) True for cells with a side longer than the thickness, or long for their region's size (m,)."""
+        """Return (m,) True for cells with a side longer than the thickness, or long beside their region's size (m,)."""
         # With points only every 50 mm, a surface of degree 9 waved by 4 mm in a notched region of 200 mm.
         region_share = 1 / 6
         P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]

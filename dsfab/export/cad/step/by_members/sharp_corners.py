@@ -16,7 +16,7 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Changes that move rim pieces onto a face: numbers of the pieces, and new edges and vertices (6,) by number."""
+    """Changes that move pieces of rims onto a face: numbers of the pieces; new edges and vertices (6,), by number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -48,8 +48,7 @@ class Rims:
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
         """Return the changes that move the rim pieces around a face onto the face; None without such pieces.
-        on_seams : True if the face runs through the seams at corners, so that the rim pieces there can lie on it, too.
-        """
+        on_seams : True if the face runs through the seams at corners; then rim pieces there can move, too."""
         nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # heights at 4 places determine a cubic
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -92,13 +91,13 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
     return {e for loop in face.loops for e, _ in loop}
 
 
-FILLET_SHARE = 1 / 6  # radius over the thickness of the largest fillet whose part of an edge is exactly on the surface
+FILLET_SHARE = 1 / 6  # radius over the thickness of the largest fillet that needs an edge exactly on the surface
 
 INNER_SHARE = 6 / 7
-"""Smallest radius on the inner skin, as a share of the outer radius. Around one opening the inner edge is a quarter
-shorter, and fillets of 2 mm in a sheet of 16 mm took more than the whole edge."""
+"""Smallest radius of a fillet on the inner skin over the radius outside. Around one opening the inner edge is a
+quarter shorter, and fillets of 2 mm in a sheet of 16 mm took more than the whole edge."""
 
-TEST_PLACES = np.linspace(0, 1, 33)  # parameters of an edge for its distance from a surface, and for its cuts
+TEST_PLACES = np.linspace(0, 1, 33)  # parameters where an edge is compared with a surface, or cut
 
 FLUSH_TOLERANCE = 1e-6
 """Largest distance (mm) of a held edge from its surface. With 5e-7 all corners of a dome already take fillets."""
@@ -111,8 +110,8 @@ MOVED = 1 / 400  # largest movement of the inside of a face, as a share of the t
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Cut edges at sharp corners beside trimmed faces, and put these faces exactly onto the cut parts.
-    A face stays if no degree fits within `SPLIT`, or if its inside moves by more than `MOVED`. Then the rims around it
-    move onto the face instead, if they move by at most `SPLIT`."""
+    If no degree fits within `SPLIT`, or the inside of a face moves by more than `MOVED`, the face stays. Its rims then
+    move onto the face, if they move by at most `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -151,7 +150,7 @@ def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, F
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """Return a face after its rims moved onto it; None if a rim moves, or an edge is off it, by more than `SPLIT`."""
+    """Return a face after its rims moved onto it; None if a rim moves, or is off an edge, by more than `SPLIT`."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:
@@ -179,7 +178,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             limits = zip((radius * half, INNER_SHARE * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 if no place is so far
+            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 if the edge is short
             if x > 1 - shortest_cut:
                 return []
             shares.append(1 - x if end else x)
@@ -188,7 +187,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
 
 
 def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Floats]) -> TrimmedFace:
-    """Return a face that runs exactly through its edges in `held_curves`, poles (4, 6); the old face if that fails."""
+    """Return a face that runs exactly through the poles (4, 6) in `held_curves`; the old face if that fails."""
     curves = [held_curves[e] for e in sorted({e for loop in face.loops for e, _ in loop} & held_curves.keys())]
     if not curves:
         return face
@@ -209,15 +208,15 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
     """Return the poles of a surface through the first of four groups of points (k, 3); None if that fails.
-    The surface is within `FLUSH_TOLERANCE` of the second group, and within `SPLIT` of the third, on all edges. The
-    fourth group is inside; there the surface is within `largest_move` of the old one."""
+    The surface must be within `FLUSH_TOLERANCE` of the second group, and within `SPLIT` of the third, on all edges. At
+    the fourth group, inside, the surface must be within `largest_move` of the old surface."""
     # The search ends if a residual is above 20 times its limit after three degrees. Of 502 faces that succeeded later,
-    # the worst had 10.3 times; without this rule, hopeless faces took nine tenths of the time.
+    # the worst residual was 10.3 times its limit. Without this rule, faces without a solution took 9/10 of the time.
     hopeless = 20.0
     more_degrees = 6  # the degree of a surface rises by at most 6
-    exact = 5e-8  # OCCT ignores 1e-7 mm, and the rounding of poles takes half of it
-    # Two trials of weights: they hold the old surface, and smooth its movement. With the first pair, faces with three
-    # corners of openings were 0.07 to 0.3 mm off other edges, more than `SPLIT`; with the second pair 0.02 mm.
+    exact = 5e-8  # OCCT ignores gaps below 1e-7 mm; rounded poles use the other half
+    # Weights of the old surface and of a smooth movement, in two trials. With the first pair, faces with three corners
+    # of openings were 0.07 to 0.3 mm off other edges, more than `SPLIT`; with the second pair 0.02 mm.
     weights = (1.0, 1e-2), (0.1, 1e-4)
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
@@ -244,9 +243,9 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return the movement (k,) of pole heights that brings the surface onto the first group of points, near the third.
-    rows : basis (., k) at each group.    distances : from the surface to each group."""
-    held_weight, move_weight = 1e6, 1e-4  # of the first group and of the movement; the third group has weight 1
+    """Return the movement (k,) of pole heights that puts the surface onto the first group of points, near the third.
+    rows : basis (., k) at each group.    distances : of each group from the surface."""
+    held_weight, move_weight = 1e6, 1e-4  # weights: first group, and movement; the third group has weight 1
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])

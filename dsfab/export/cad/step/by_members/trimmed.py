@@ -58,7 +58,7 @@ class FaceDomain:
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
         """Choose two of the directions `ways` (k, 2), right-handed, whose parallelogram leaves the box least.
-        Its corners are compared with the box, at the heights of a quadratic surface through all points."""
+        The parallelogram's corners are at the heights of a quadratic surface through all points."""
         least_sine = 1 / 4  # surfaces over flatter parallelograms are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
@@ -78,8 +78,7 @@ class FaceDomain:
         z = _quadric(corners.reshape(-1, 2)) @ heights
         placed = np.concatenate([corners.reshape(-1, 2), z[:, None]], axis=1) @ self.axes + self.origin
         out = _outside(placed, box).reshape(4, len(i), 3).max(axis=(0, 2), initial=0.0)
-        best_pair = int(out.argmin())
-        return ways[[i[best_pair], j[best_pair]]]
+        return ways[[x[out.argmin()] for x in (i, j)]]
 
 
 def _quadric(plane_points: Floats) -> Floats:
@@ -97,34 +96,35 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 
 SPLIT = 0.045
-"""Widest gap (mm) at an edge that a cut can split. A reader measures an edge's tolerance at 23 points; at the points
-of half an edge the gap may be wider, which OCCT finds invalid. OCCT's cuts set a new tolerance of at most 0.05 mm
+"""Widest gap (mm) at an edge that a cut can split. OCCT measures the gap at 23 points of an edge; if the gap is
+wider at the points of half the edge, the half is invalid. OCCT's cuts set a new tolerance of at most 0.05 mm
 (`BOPAlgo_Builder::PostTreat`). All failed cuts of a pavilion crossed wider gaps."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points against 1 of inner points; the second one is for gaps that stay open with the first. With
-30 one cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by 100 mm."""
+"""Weights of edge points if inner points weigh 1; the second weight is for gaps that stay open with the first. With
+30 instead of 100, one cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by
+100 mm."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of second differences of the poles added to a surface of degree `BASE_DEGREE`; these weights hold poles
-far from all points. With the second weight, poles of a torus of 2.5 m were up to 0.35 m off, and OCCT's box too."""
+"""Weights of second differences of the movement of poles, which hold poles far from all points. With only the
+second weight, poles of a torus of 2.5 m were up to 0.35 m off, and OCCT's box was also wrong."""
 
 BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Weights of edges and of second differences, and degrees, in the order of trials until the gap is narrow enough."""
+"""Weights of edges and of second differences, and degrees. Trials end when the gap is narrow enough."""
 
 FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
     *((EDGE_WEIGHTS[1], SMOOTH_WEIGHTS[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
-"""Further trials, in order, until a cut can split the edges."""
+"""Further trials, which end when a cut can split the edges."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
-"""Axes (t, 2, 2) of the rectangles around a region that are tried."""
+"""Axes (t, 2, 2) of the rectangles around a region from which the smallest is chosen."""
 
 HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Parameters where a surface must meet an edge; between these places the surface is off by less than 5e-8 mm."""
+"""Parameters where a surface is held at an edge; between these places the surface is off by less than 5e-8 mm."""
 
 LEAST_NORMAL_COSINE = 0.35  # smallest cosine between the normal of the mean plane and the normals of a region
 
@@ -132,7 +132,6 @@ LEAST_NORMAL_COSINE = 0.35  # smallest cosine between the normal of the mean pla
 @dataclass(frozen=True, eq=False)
 class TrimmedFace:
     """Faces of a region on both skins.
-
     loops : loops of edges, the outer loop first.    outer, inner : poles (p + 1, p + 1, 3), mm.
     axes  : (3, 3) for each surface: two axes of its plane, and the direction of its heights.
     gap   : widest gap at the edges.    off : largest distance of inner points along the mean normal.
@@ -150,7 +149,7 @@ class TrimmedFace:
 
     @property
     def skins(self) -> tuple[tuple[Floats, Floats, slice], ...]:
-        """Poles and axes of each surface, and the coordinates of its skin in points (k, 6)."""
+        """Poles and axes of each surface, and the slice of its skin in points (k, 6)."""
         return (self.outer, self.axes[0], slice(3)), (self.inner, self.axes[1], slice(3, 6))
 
     def gaps(self, points: Floats) -> Floats:
@@ -162,7 +161,7 @@ def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
     """Fit the faces of a region with inner points (k, 6); raises ExportError if the region overlaps in its mean plane.
-    part : True if the points belong to a larger region; then only those inside the edges are used."""
+    part : True if the points belong to a larger region; then only points inside the edges are used."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
     if part:
@@ -177,8 +176,7 @@ def trimmed_face(
     if sum(a > 0 for a in area) != 1:
         raise ExportError("a region without four sides has no single outline")
     ways = np.stack([P[3] - P[0] for loop in loops for P in map(model.poles, loop)])
-    skins = (np.s_[:, :3], np.s_[:, 3:])
-    surfaces = [_surface(points[s], edges[s], ways[s], axes, limits) for s in skins]
+    surfaces = [_surface(points[s], edges[s], ways[s], axes, limits) for s in (np.s_[:, :3], np.s_[:, 3:])]
     (outer, A, *outer_distances), (inner, B, *inner_distances) = surfaces
     gap, distance = np.maximum(outer_distances, inner_distances).tolist()
     astray = largest_excess(((outer, A), (inner, B)), [np.split(x, 2, axis=1) for x in lines], limits.beyond_mesh)
@@ -241,10 +239,9 @@ def signed_area(P: Floats) -> float:
 def _surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
-    """Fit a surface; return poles, axes, the gap at the edges, and the distance from inner points.
-    ways : chords of the edges.
-    CAD programs compute boxes from poles. So if the poles over a rectangle leave the box, the surface lies over the
-    parallelogram along two of the chords that leaves the box least."""
+    """Fit a surface; return poles, axes, the gap at the edges, and the distance from inner points. ways : chords.
+    The surface lies over a rectangle. If its poles leave the box, it lies over the parallelogram along two chords that
+    leaves the box least, because CAD programs compute boxes from poles."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -258,8 +255,8 @@ def _surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    # If a pole lies more than this multiple of `limits.off` above or below all points, the degree rises by one. The
-    # poles are then nearer: OCCT's box of a dome was 13 mm too high instead of 38 mm.
+    # If a pole lies more than this multiple of `limits.off` above or below all points, the degree rises by one, which
+    # moves poles nearer: OCCT's box of a dome was 13 mm too high instead of 38 mm.
     high = 2.0
     z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
@@ -274,7 +271,7 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """Return the distances (k,) in mm of a closed line (k, 6) from a surface fitted to it and to inner points (j, 6).
-    The result is the larger distance of both skins, or infinite if the region overlaps in its mean plane."""
+    The larger distance of both skins counts; it is infinite if the region overlaps in its mean plane."""
     return np.maximum(*misfits(points, line, degree))
 
 
@@ -286,8 +283,7 @@ def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
     axes = axes_of(mean)
     seen = (_skin_normals(allowed) @ mean).min() >= LEAST_NORMAL_COSINE and signed_area(line[:, :3] @ axes[:2].T) > 0
     for s in (0, 3):
-        gaps = _misfit(points[:, s : s + 3], line[:, s : s + 3], axes, degree) if seen else np.full(len(line), np.inf)
-        yield gaps
+        yield _misfit(points[:, s : s + 3], line[:, s : s + 3], axes, degree) if seen else np.full(len(line), np.inf)
 
 
 def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
@@ -299,7 +295,7 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
-    """Turn axes (3, 3) about the last one if the rectangle around a line (k, 3) becomes far smaller.
+    """Turn axes (3, 3) about the last axis if the rectangle around a line (k, 3) becomes far smaller.
     A smaller rectangle has fewer poles without points."""
     least_gain = 3 / 4  # axes turn only if the area falls below this share, because the new corners leave the box
     turned = TURNED @ axes[:2]
@@ -315,10 +311,9 @@ def _base_poles(over: FaceDomain) -> Floats:
 
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Return heights of poles over a domain, and the distances of the surface from edges and inner points.
-
-    Low degrees come first, because high degrees wave between points. If no trial reaches `limits.gap`, trials with a
-    gap up to `SPLIT` compete by their distance from inner points. Without these, the least sum of both distances
-    wins."""
+    Low degrees come first, because high degrees wave between points. If no trial reaches `limits.gap`, the trial with
+    a gap up to `SPLIT` and the smallest distance from inner points wins. If there is none, the smallest sum of both
+    distances wins."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):

@@ -36,7 +36,7 @@ def without_strays(
 ) -> dict[int, TrimmedFace]:
     """Refit faces that are too far off the skins between their points, with more points.
     points : (k, 6) that each face was fitted to.    away : function of points; returns the vectors to both skins.
-    If the distance from the mesh is limited, faces stay unchanged, because `divided_faces` judges them."""
+    Faces stay unchanged if the distance from the mesh is limited, because `divided_faces` then divides them."""
     rounds = 2  # a face that was corrected in one place may stray in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
@@ -58,7 +58,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return for each face points (k, 6) on the skins beside its samples; none if all are within `tolerance`."""
+    """Return, for each face, points (k, 6) on the skins at its samples; none if all are within `tolerance`."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -69,19 +69,18 @@ def _skins_beside(
 
 
 def _places(model: NetModel, face: TrimmedFace) -> Floats:
-    skins = [ROWS(len(poles) - 1) @ poles.reshape(-1, 3) for poles, _, _ in face.skins]
-    P = np.concatenate(skins, axis=1)
+    P = np.concatenate([ROWS(len(poles) - 1) @ poles.reshape(-1, 3) for poles, _, _ in face.skins], axis=1)
     return np.asarray(P[inside_outlines(P, [loop_samples(model, loop) for loop in face.loops])])
 
 
 SAMPLES = 23  # number of points along an edge, ends included, at which OCCT measures the gap
-BETWEEN = 8  # number of steps between two of OCCT's points; the gap is measured at each step
+BETWEEN = 8  # number of steps between two of OCCT's points; dsfab measures the gap at each step
 SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a surface
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """For each seam that ends at an outline, move its widest gap to a place where OCCT measures gaps.
-    A face stays unchanged if that opens a gap above `SPLIT`, or moves its inside by more than `SPLIT`."""
+    """For each seam that ends at an outline, move its widest gap to a point where OCCT measures gaps.
+    A face stays unchanged if a gap becomes wider than `SPLIT`, or if its inside moves by more than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -123,7 +122,7 @@ class _PeakSurface:
     edges: Floats
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return the poles of lowest degree for which the widest gaps of most seams lie at OCCT's samples.
+        """Return the poles of lowest degree for which the most seams have their widest gap at one of OCCT's samples.
         exact : True to keep exact edges exact."""
         more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
@@ -142,17 +141,15 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Return for each round the heights of poles, and the number of seams with misplaced gaps. exact_gap : mm."""
+        """Return, for each round, heights of poles and the number of seams with misplaced gaps. exact_gap : mm."""
         rounds = 6  # peaks move in at most 6 rounds
         peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of peaks, second differences, moves; edge points weigh 1
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
         exact = height_rows(self._places(self.held), degree).reshape(*self.held.shape[:2], -1)
-        distances = np.abs(self.held @ self.axes[2] - exact @ z)
-        firm = exact[distances.max(axis=1) < exact_gap].reshape(-1, len(z))
-        around = self._edge_rows(degree)
-        calm = np.concatenate([around, smooth * differences(degree + 1), still * np.eye(len(z))])
+        firm = exact[np.abs(self.held @ self.axes[2] - exact @ z).max(axis=1) < exact_gap].reshape(-1, len(z))
+        calm = np.concatenate([self._edge_rows(degree), smooth * differences(degree + 1), still * np.eye(len(z))])
         for _ in range(rounds):
             pinned |= {int(e): _peak(gaps[e], e in pinned) for e in np.flatnonzero(self._misplaced(gaps))}
             pins, right = _pins(rows, gaps, pinned)
@@ -185,7 +182,7 @@ class _PeakSurface:
         return rows_at(self._places(self.seams + ways[:, None, None]))
 
     def _seam_rows(self, degree: int) -> Floats:
-        """(3, e, k, poles) basis at points of seams, and at one step from these points along each axis."""
+        """(3, e, k, poles) basis at points of seams, and one step beside these points along each axis."""
         return self._step_rows(degree).reshape(3, *self.seams.shape[:2], -1)
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
@@ -196,11 +193,10 @@ class _PeakSurface:
     def _misplaced(self, gaps: Floats) -> Bools:
         """Return (e,) True if the widest gap of a seam lies between two of OCCT's samples."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # the widest sampled gap may be smaller than the widest gap by this share; OCCT allows 1e-5
+        short = 3e-6  # the widest gap may exceed the widest sample by this share; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
-        wrong = (sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT)
-        return np.asarray(wrong)
+        return np.asarray((sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT))
 
 
 def _summits(gaps: Floats) -> Floats:
@@ -212,15 +208,15 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the sample nearest to the widest of gaps (k,), and the wanted gap there; 0 if any gap is allowed."""
+    """Return the sample nearest to the widest of gaps (k,), and the wanted gap there; 0 means any gap."""
     higher = 1.003  # the moved peak is made higher, because another peak may be as high
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return equations, rows (j, poles) and right sides (j,), for the gaps at samples. Inside a seam, further equations
-    make the slope of the gap zero there."""
+    """Return equations for the gaps at samples: rows (j, poles) and right sides (j,).
+    Inside a seam, the slope of the gap must be zero at the sample."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # five consecutive gaps give the slope in the middle
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

@@ -27,13 +27,13 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-TRIED = 24  # number of chords to try; half of these begin where the gap is widest
+TRIED = 24  # number of chords to try; half of the chords begin where the gap is widest
 POINTS = 8  # number of points of the outline along half an edge
 
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
-    """Outline of a region, with its edges halved. A place is the start of a half edge, given by its index.
+    """Outline of a region, with its edges halved. A place is the index of a half edge, and means its start.
     poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop."""
 
     poles: Floats
@@ -53,15 +53,15 @@ class HalvedOutline:
         return np.asarray(bernstein(np.arange(POINTS) / POINTS) @ self.poles).reshape(-1, 6)
 
     def part(self, a: int, b: int, seam: Floats) -> Floats:
-        """Return the closed line (k, 6) from place a to place b, and back along a seam (c, 4, 6) from a to b."""
+        """Return the closed line (k, 6) from place a to place b, and back along a seam (c, 4, 6), given from a to b."""
         turned = np.roll(self.line, -a * POINTS, axis=0)[: (b - a) % len(self.poles) * POINTS]
         back = bernstein(1 - np.arange(2 * POINTS) / (2 * POINTS)) @ seam[::-1]
         return np.concatenate([turned, back.reshape(-1, 6)])
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Yield pairs of places, the smaller first, whose chord lies inside the outline and clear of it.
-        Chords at the `worst` places (k,) come first, then all others. Each group is sorted by length over the smaller
-        area that the chord cuts off, and has at most `times * TRIED / 2` pairs."""
+        Chords at the `worst` places (k,) come first, then the others. Each group has at most `times * TRIED / 2`
+        pairs, and is sorted by length over the smaller area beside the chord."""
         least_width = 1 / 20  # width of a part over the thickness; OCCT makes no triangles of a part of 1.6 x 0.2 mm
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
@@ -72,7 +72,7 @@ class HalvedOutline:
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
         narrow = least_width * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
-        order = order[least[order] > narrow * long[order]]  # chords outside cut off a negative area
+        order = order[least[order] > narrow * long[order]]  # a chord outside the outline cuts off a negative area
         is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for group in (order[is_near], order[~is_near]):
             clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
@@ -81,7 +81,7 @@ class HalvedOutline:
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     """Return True if the chord between points a and b (2,) of a closed line (k, 2) is clear of the line."""
-    clear = 0.3  # least distance of a chord's point from the outline, over that from the chord's nearer end
+    clear = 0.3  # smallest distance of a chord's point from the outline, over its distance from the chord's nearer end
     shares = np.linspace(0, 1, 17)[1:-1]
     P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
@@ -93,19 +93,19 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
 TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare seams
 
 TIMES = 3
-"""Largest factor of the number of seams to try. If the usual number does not help enough, more seams are tried, and
-the best of all is used. In one opening the first usable seam led to six parts of a few mm, and two crossed in OCCT's
-triangles; the best seam led to four parts."""
+"""Largest multiple of the usual number of tried seams, used if parts still exceed a limit. The best of all tried
+seams then divides the face. In one opening the first usable seam led to six parts of a few mm, and two of these
+crossed in OCCT's triangles; the best seam led to four parts."""
 
 OUT, OFF = 1 / 150, 2.0
 """Limits for a face that stays whole: distance of poles outside the box over the box's diagonal, and distance of
-inner points over `limits.off`. In one face poles were 320 mm outside of a mesh of 2.3 m, and OCCT's box grew too;
-another face was 3.7 mm off inside where 0.8 are allowed."""
+inner points over `limits.off`. One face had poles 320 mm outside of a mesh of 2.3 m, and OCCT's box grew; another face
+was 3.7 mm off inside where 0.8 are allowed."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
-"""Numbers of cubics of a seam, tried in order until the seam is off the skins by at most this share of `limits.off`.
-One cubic of 1.2 m on a waving sheet was 6.7 mm off, and so were the faces. If the distance from the mesh is limited,
-only one cubic is tried, because OCCT drew no triangles of a face beside a longer seam."""
+"""Numbers of cubics of a seam, and largest distance of the seam from the skins over `limits.off`. One cubic of 1.2
+m on a waving sheet was 6.7 mm off, and so were the faces. If the distance from the mesh is limited, a seam has only
+one cubic, because OCCT drew no triangles of a face beside a longer seam."""
 
 
 def divided_faces(
@@ -116,19 +116,17 @@ def divided_faces(
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
     """Divide each face that exceeds its tolerance (see `allowance_used`), and add the new edges to the model.
-    inside : function that returns inner points (k, 6) by region.    away : function from points to vectors to the
-             skins."""
+    inside : returns inner points (k, 6) by region.    away : returns the vectors from points (k, 6) to both skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
     work, points = _FaceDivision(model, away, limits), inside(bad)
     parts = {region: work.parts(faces[region], points[region]) for region in bad}
-    all_faces = [part for region, face in faces.items() for part in parts.get(region, [face])]
-    return work.finish(all_faces)
+    return work.finish([part for region, face in faces.items() for part in parts.get(region, [face])])
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest ratio of a face's gap, inner distance, and distance from box or mesh to its limit."""
+    """Return the largest of a face's gap, inner distance, and distance from box or mesh, each over its limit."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles are off by the deflection
@@ -145,7 +143,7 @@ class _FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face with inner points (k, 6). If the distance from the mesh is limited, more seams are tried."""
+        """Divide a face with inner points (k, 6); more seams are tried if the distance from the mesh is limited."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -175,7 +173,7 @@ class _FaceDivision:
 
     def _divide_in_two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
         """Divide a face by the first seam that makes both parts better, or by the best of many seams."""
-        less = 0.9  # the worse part may have at most this share of the region's `allowance_used`
+        less = 0.9  # largest `allowance_used` of the worse part over that of the whole face
         loop, model = self.over_halves(face.loops[0]), self.model  # another division may have halved a seam
         best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
@@ -202,7 +200,7 @@ class _FaceDivision:
 
     def _seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
         full = 3  # faces are built for the best three seams
-        many = 2000  # trials use about 2000 points; the region over a foot has ten thousand
+        many = 2000  # trials use about 2000 points of up to ten thousand
         at_gap = 4  # half of the tried seams begin at the four places nearest to the widest gap
         points = points[:: 1 + len(points) // many]
         distances = misfit(points, outline.line, TRIAL_DEGREE).reshape(-1, POINTS).max(axis=1)

@@ -13,7 +13,7 @@ from dsfab.export.cad.step.shared.skins import DenseSurface, dense_surface
 from dsfab.export.part import Curved
 from dsfab.surface import CREASE, Surface, corner_fans, link_components
 
-LEAST_BEND = 8.0  # smallest angle (degrees) between faces at a crease; one edge of each crease bends by `CREASE`
+LEAST_BEND = 8.0  # smallest angle (degrees) between faces along a crease; at one edge it must reach `CREASE`
 BEND_RATIO = 4.0  # smallest ratio of the bend of a crease to the bend of the edges beside the crease
 STRAIGHT = np.cos(np.radians(30.0))  # cosine of the largest turn from the end of a crease to the edge that continues it
 OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]  # the two other edges of a face, for each of its three edges
@@ -47,7 +47,7 @@ def crease_edges(surface: Surface) -> Bools:
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
     """Extend creases straight from their ends; return (e,) True for their edges.
-    An edge is compared with the flatter of the two other edges of its faces, because the third edge may be a crease."""
+    Edges are compared with the flatter of the two other edges of a face, because the sharper edge may be a crease."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
@@ -69,9 +69,7 @@ ZERO_WEIGHT = 1e-9  # barycentric weights below this count as zero
 
 @dataclass(frozen=True, eq=False)
 class CreaseSides:
-    """Columns (s,) of weight matrices at creases: the n vertices, then a copy of each crease vertex for each of its
-    sides.
-
+    """Columns (s,) of weight matrices: all n vertices, then a copy of each crease vertex for each of its sides.
     creases : (k, 2) edges, the smaller vertex first, sorted.    vertex : (s,) of each column.
     corner  : (m, 3) column of each face's corners.    normals : (s, 3) normal of each column.
     half    : (s,) half the thickness, see `DenseSurface`.
@@ -135,8 +133,7 @@ class CreaseSides:
         split[self.vertex[self.surface.n :]] = True
         row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
         real = np.abs(weights.data) > ZERO_WEIGHT
-        special = np.unique(row[split[weights.indices] & real])
-        return row, np.isin(row, special) & real
+        return row, np.isin(row, row[split[weights.indices] & real]) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
         """Return (count, 2) faces with the vertices of each row: both faces at an edge, one face twice, or -1."""
@@ -193,8 +190,7 @@ def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
 def _corner_sides(surface: Surface, crease: Bools) -> Ints:
     F, edges = surface.F, surface.edges
     fan = corner_fans(F, edges, apart=crease).ravel()
-    pair = np.unique(np.stack([F.ravel(), fan], axis=1), axis=0)
-    fans = np.bincount(pair[:, 0], minlength=surface.n)
+    fans = np.bincount(np.unique(np.stack([F.ravel(), fan], axis=1), axis=0)[:, 0], minlength=surface.n)
     on_crease = np.zeros(surface.n, dtype=bool)
     on_crease[edges.ends[crease]] = True
     several = (fans > 1) & on_crease
@@ -251,8 +247,7 @@ class Lifting:
 
     def _in_faces(self, weights: csr_array) -> csr_array:
         """Replace points between two faces beside a crease by the nearest places in a face.
-
-        Without this step the side of such points is unknown, and they were up to 1.4 mm off the rest of their chain."""
+        Otherwise the side of such points is unknown; they were up to 1.4 mm off the rest of their chain."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights
@@ -262,7 +257,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        most_lift = 1 / 5  # lift from the mesh over the thickness; chord errors reach a quarter, see `MOST_CHORD`
+        most_lift = 1 / 5  # largest lift from the mesh over the thickness; chord errors have the limit `MOST_CHORD`
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)

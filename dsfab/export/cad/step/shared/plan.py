@@ -21,8 +21,8 @@ from dsfab.surface.topology import corners_of
 
 
 class MeshDistances(NamedTuple):
-    """Distances to the mesh, or back. most : the largest.    worst : the one farthest above its limit `allowed`.
-    bad : places where a distance is above its limit."""
+    """Distances of a solid from the mesh, or back. most : the largest distance.    bad : places above their limit.
+    worst, allowed : the distance that exceeds its limit most, and this limit."""
 
     most: float
     worst: float
@@ -98,11 +98,10 @@ class PieceJudge:
 
     @cached_property
     def excess_volumes(self) -> Floats:
-        """(p,) share by which the volume of each piece may be larger, because the mesh cuts curves short."""
+        """(p,) share by which each piece may have more volume than the mesh, which cuts curves short."""
         sheet = self.sheet
-        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # from points on a skin the search takes half of the time
-        share = self.limits.rounder[self.limits.nearest(upper)]
-        return np.maximum(self._sum(share) / self.volumes, 0.0)
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the search is twice as fast from points on a skin
+        return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
 
     def _sum(self, share: Floats) -> Floats:
         sheet = self.sheet
@@ -124,8 +123,7 @@ class PieceJudge:
 
     def farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> MeshDistances:
         """Return distances of the triangles V (n, 3), F (m, 3) from the triangles V2, F2."""
-        corners = corners_of(F, np.ones(len(F), dtype=bool), len(V))
-        points = np.concatenate([V[corners], V[F].mean(axis=1)])
+        points = np.concatenate([V[corners_of(F, np.ones(len(F), dtype=bool), len(V))], V[F].mean(axis=1)])
         away = nearest_places(points, V2, F2).distance
         far_points = points[away > self.limits.distance]  # near points need no local limit
         if not len(far_points):
@@ -140,7 +138,7 @@ class SolidPlan:
 
     def __init__(self, part: Part) -> None:
         if part.curved is None:
-            raise ExportError("smooth STEP needs the sheet, and only its solid is known")
+            raise ExportError("smooth STEP needs the sheet, but only its solid is known")
         self.curved, self.solids = part.curved(), MeshSolids(part)
         self.surface = Surface(self.curved.V, self.curved.F)
         self.limits = smooth_limits(self.surface, self.curved, part.tolerance)

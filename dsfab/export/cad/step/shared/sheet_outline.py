@@ -19,9 +19,8 @@ WALL = -1  # number in place of a chart, where a wall ends the chart
 @dataclass(frozen=True, eq=False)
 class OutlineRun:
     """Part of an outline.
-
     vertices : (k,) in order, the material on their left.    beyond : chart on the other side, or `WALL`.
-    width    : width of the loop, mm: twice its area over its length, which is a circle's radius or a slit's width."""
+    width    : twice the area in the loop over the loop's length, mm: a circle's radius, or the width of a slit."""
 
     vertices: Ints
     beyond: int
@@ -40,7 +39,6 @@ class ChartRegion:
 @dataclass(frozen=True, eq=False)
 class SheetOutline:
     """Divided sheet in millimetres, with its regions.
-
     V, D    : (n, 3) vertices of the middle surface, half-thickness vectors.
     F       : (m, 3) faces.    chart, piece : (m,) chart and piece of each face.
     charts  : (v, 2) all pairs of a vertex and a chart around it, sorted."""
@@ -134,8 +132,7 @@ def _runs(V: Floats, loop: Ints, special: Bools, beyond: _HalfEdgeCharts, touchi
     along = V[np.roll(loop, -1)] - V[loop]
     length = np.linalg.norm(along, axis=1)
     along = along / np.maximum(length, 1e-300)[:, None]
-    ahead = np.einsum("ki,ki->k", along, np.roll(along, 1, axis=0))
-    sharp = ~seam & ~np.roll(seam, 1) & (ahead < np.cos(SHARP))
+    sharp = ~seam & ~np.roll(seam, 1) & (np.einsum("ki,ki->k", along, np.roll(along, 1, axis=0)) < np.cos(SHARP))
     ends = (kind != np.roll(kind, 1)) | sharp | (seam & np.roll(seam, 1) & special[loop]) | np.isin(loop, touching)
     starts = _run_starts(V, loop, np.flatnonzero(ends))
     stops, width = [*starts.tolist(), int(starts[0]) + len(loop)], _width(V[loop], float(length.sum()))
@@ -153,5 +150,4 @@ def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
         return starts
     start = int(starts[0]) if len(starts) else int(np.argmin(loop))
     away = np.round(np.linalg.norm(V[loop] - V[loop[start]], axis=1), 6)
-    far_position = int(np.lexsort((loop, -away))[0])
-    return np.sort(np.array([start, far_position]))
+    return np.sort(np.array([start, int(np.lexsort((loop, -away))[0])]))

@@ -17,7 +17,6 @@ from dsfab.surface.topology import on_boundary
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
     """Surface with its skins, after zero or more divisions of its triangles. Fields are in metres, properties in mm.
-
     half   : (n,) half the thickness of the faces.    shift, twins : see `Curved`.
     parent : (m,) original face of each face."""
 
@@ -43,9 +42,7 @@ class DenseSurface:
 
     @cached_property
     def half_vectors(self) -> Floats:
-        """(n, 3) vectors from the middle to a skin along the mean normals.
-
-        Other normals lean a little to one side, which makes a skin uneven."""
+        """(n, 3) vectors from the middle to a skin along the mean normals; other normals would make a skin uneven."""
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property
@@ -55,7 +52,7 @@ class DenseSurface:
 
     @cached_property
     def boundary(self) -> Bools:
-        """(n,) vertices of the boundary."""
+        """(n,) True for vertices of the boundary."""
         return on_boundary(self.surface.edges, self.surface.n)
 
     @cached_property
@@ -83,7 +80,7 @@ def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
 
 
 def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
-    """Return the midpoints (e, 3) of cubics along edges (e, 2) of P (n, 3). At its ends a cubic is normal to d (n, 3).
+    """Return the midpoints (e, 3) of cubics along edges (e, 2) of P (n, 3), perpendicular to d (n, 3) at their ends.
     With these points, fits do not wave between vertices."""
     N, chord = unit_vectors(d), P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
@@ -98,7 +95,6 @@ def end_means(values: Floats, ends: Ints) -> Floats:
 
 def chord_errors(skins: DenseSurface) -> Floats:
     """Return the (m,) distance of each triangle's centre from the smooth surface through its corners, metres.
-
     At the centre the distance is a third more than at the middles of the edges. For equilateral triangles with edges h
     on a sphere of radius R it is h^2 / 6R at the centre, and h^2 / 8R at the middles."""
     V, edges = skins.surface.V, skins.surface.edges
@@ -108,9 +104,8 @@ def chord_errors(skins: DenseSurface) -> Floats:
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
     """Return the (m,) share by which the smooth solid over each triangle is larger than the mesh's prism.
-
-    The area is larger, and so is the thickness between vertices with different normals. The error is proportional to
-    the square of the edges, so a third of the difference remains after each triangle is divided in four."""
+    The area is larger, and so is the thickness between vertices with different normals. The difference falls with the
+    square of the edges: a quarter of it remains after each triangle is divided in four."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
     parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
@@ -132,22 +127,20 @@ LOOP_SHARE = 0.03  # largest tolerance of a loop, as a share of its width, becau
 
 
 def decimals(thickness: float) -> int:
-    """Return the number of decimals that coordinates (mm) need, so that rounding is small compared with the
-    thickness (mm)."""
+    """Return the number of decimals of coordinates (mm) whose rounding is negligible for this thickness (mm)."""
     rounding = 3e-5
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 
 
-MOST_CHORD = 1 / 4  # largest chord error that counts, over the thickness, because the estimate is wrong at creases
+MOST_CHORD = 1 / 4  # largest chord error over the thickness; larger estimates occur at creases and are wrong
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothLimits:
     """Thickness, and allowed distance of the smooth solid from the mesh beyond the mesh's own chord error, millimetres.
-
     V, F    : (n, 3) and (m, 3) triangles of both skins of the uncut surface.
     chord   : (m,) chord error of these triangles.
-    rounder : (m,) share by which the volume over them may be larger, because the mesh cuts curves short."""
+    rounder : (m,) share by which the volume over each triangle may be larger, because the mesh cuts curves short."""
 
     thickness: float
     distance: float
@@ -173,7 +166,6 @@ class SmoothLimits:
 
     def allowed_distances(self, points: Floats) -> Floats:
         """(k,) allowed distances of points, with the chord error of the nearest triangle.
-
         The nearest vertex is not enough, because it may belong to another triangle where triangles are long."""
         return np.asarray(self.distance + self.chord[self.nearest(points)])
 
@@ -190,7 +182,6 @@ class SmoothLimits:
 
 def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> SmoothLimits:
     """Return the limits for a solid cut from a surface. tolerance : of the user, mm; 0 means `OFF_SURFACE`.
-
     The exporter and `dsfab check` use the same limits."""
     mesh = dense_surface(surface, curved)
     t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))

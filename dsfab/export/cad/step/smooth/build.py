@@ -1,4 +1,4 @@
-"""Smooth STEP of a part: build pieces, let OCCT check each, refit what it refuses, and use facets for the rest.
+"""Smooth STEP of a part: build pieces, let OCCT check each piece, refit refused pieces, and use facets for the rest.
 
 charts, skins -> all pieces -> file -> `findings`  -> `PieceJudge` -> refused pieces: tighter curves
  ^                                                                       |  still refused
@@ -43,9 +43,7 @@ from dsfab.surface.topology import faces_at
 @dataclass(frozen=True, eq=False)
 class Acceptance:
     """Verdict on a piece. reason : reason of a refusal, or ''.    bad : (k, 3) places where tighter curves may help.
-
-    there, back : largest distances of the piece from the mesh and of the mesh from the piece.    volume : of the piece.
-    """
+    there, back : largest distances of piece from mesh, and of mesh from piece.    volume : of the piece."""
 
     reason: str
     bad: Floats = field(default_factory=lambda: np.zeros((0, 3)))
@@ -60,7 +58,7 @@ _NOWHERE = MeshDistances(0.0, 0.0, 0.0, np.zeros((0, 3)))
 def all_verdicts(
     gate: PieceJudge, pieces: dict[int, SmoothPiece], findings: dict[int, OcctFinding]
 ) -> dict[int, Acceptance]:
-    """Judge pieces, given by number, with OCCT's findings about the pieces that OCCT read."""
+    """Judge pieces, by number, from OCCT's findings; a piece without findings is refused."""
     distances = _distances(gate, {k: findings[k] for k in pieces if k in findings and findings[k].tessellates})
     return {
         k: _verdict(gate, k, piece, findings.get(k), distances.get(k, (_NOWHERE, _NOWHERE)))
@@ -150,7 +148,6 @@ class SmoothPlan(SolidPlan):
 
     def layouts(self) -> Iterator[Floats]:
         """Yield the fields (n, c) of distinct layouts: chart k covers the part where field k is largest.
-
         The first layout is for open sheets only, because its charts become too steep on a closed surface."""
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
@@ -167,9 +164,7 @@ class SmoothPlan(SolidPlan):
 
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
         """Build the pieces of all solids that are not finished, in a layout of fields (n, c).
-
-        If the part has one solid and a chart of it fails, raises ExportError at once, because further charts take
-        long."""
+        If a chart of the only solid fails, raises ExportError at once, because further charts take long."""
         atlas = ChartAtlas(self.surface, self.curved, fields, FIT_SHARE * self.limits.distance)
         needed = set[int]()
 
@@ -278,8 +273,7 @@ class _SmoothSearch:
         verdicts, todo = dict[int, Acceptance](), requested
         for turn in range(REFITS + 1):
             ready = [k for k in todo if not model.pieces[k].refused]
-            judged = {k: model.pieces[k] for k in todo}
-            verdicts |= all_verdicts(gate, judged, self._findings(program, model, ready))
+            verdicts |= all_verdicts(gate, {k: model.pieces[k] for k in todo}, self._findings(program, model, ready))
             todo = [k for k in todo if len(verdicts[k].bad) and raise_levels(model, k, levels[k], verdicts[k].bad)]
             if not todo or turn == REFITS or self.inspected > self.most:
                 break
@@ -327,8 +321,7 @@ def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floa
     """Raise the level of the runs nearest to the `bad` points (k, 3), mm; return False if no level can rise."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
-    samples = np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)])
-    tree = cKDTree(samples)
+    tree = cKDTree(np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)]))
     reach = np.atleast_1d(tree.query(bad)[0]) + 1e-3 * model.thickness
     hit = {i // (2 * len(x)) for point, r in zip(bad, reach, strict=True) for i in tree.query_ball_point(point, r)}
     keys = {piece.keys[i] for i in hit if level.get(piece.keys[i], 0) < CLOSEST}
@@ -342,17 +335,15 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
     for _ in range(CLOSEST):
         piece = model.pieces[k]
         gaping = piece.ends[[edge.gap > GAP_SHARE * model.thickness for edge in piece.edges]]
-        stray = astray(piece, corners, built.gate.limits)
-        bad = np.concatenate([crossings(piece), gaping, stray])
+        bad = np.concatenate([crossings(piece), gaping, astray(piece, corners, built.gate.limits)])
         if not len(bad) or not raise_levels(model, k, level, bad):
             return
         model.pieces[k] = built.builder.piece(k, level)
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """Return (k, 3) mesh corners (n, 3) at walls that are farther from the piece's edges than allowed.
-
-    OCCT's triangles would show such corners, too, but another round with OCCT takes seconds."""
+    """Return the mesh corners (k, 3), of those at walls (n, 3), that are too far from the piece's edges.
+    OCCT's triangles would also show such corners, but another round with OCCT takes seconds."""
     chord_count, nearest_count = 64, 4  # chords along an edge, and near chords whose distance from a corner counts
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])

@@ -14,7 +14,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)  # angle beyond its cone that a chart may have: straight borders give it steep faces
+CONE_SLACK = np.deg2rad(12.0)  # angle by which a chart may exceed its cone, because straight borders add steep faces
 REACH = 0.25  # length over which the fields of charts diffuse, as a share of the radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
@@ -22,14 +22,13 @@ SYMMETRIC: dict[str, Any] = {
     "options": {"SymmetricMode": True},
     "diag_pivot_thresh": 0.0,
 }
-"""SuperLU options for factors of symmetric matrices with fewer entries."""
+"""SuperLU options for symmetric matrices; the factors then have fewer entries."""
 
 SWEEPS = 4  # number of rounds of diffusion and choice of charts
 
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
     """Return fields (n, c) on the vertices; chart k is where field k is largest.
-
     cone : largest angle (radians) between the normals of a cluster of faces and their mean.
     fewest : smallest number of charts; start : seed, another number gives another layout."""
     label = _clusters(surface, cone, fewest, start)
@@ -39,7 +38,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """(m,) cluster of each face, with normals in a cone around the cluster's mean unless the rounds run out."""
+    """Return (m,) the cluster of each face; the normals of a cluster lie in a cone, unless the rounds run out."""
     rounds = 30  # at most 30 rounds add seeds of clusters
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
@@ -93,8 +92,7 @@ def _middles(surface: Surface, label: Ints) -> list[int]:
 
 
 def _cosines(surface: Surface, label: Ints) -> Floats:
-    vectors = surface.areas[:, None] * surface.normals
-    mean = np.stack([np.bincount(label, x) for x in vectors.T], axis=1)
+    mean = np.stack([np.bincount(label, x) for x in (surface.areas[:, None] * surface.normals).T], axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
     area = np.bincount(label, surface.areas)[:, None]
     mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # a closed cluster has no mean normal
@@ -105,16 +103,14 @@ def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
     """Straighten the borders of charts; divide charts that become too steep or fall apart, and straighten again."""
     for turn in range(5):
         fields = _diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)
-        label = fields[surface.F].sum(axis=1).argmax(axis=1)
-        label = _parts(surface, label)
+        label = _parts(surface, fields[surface.F].sum(axis=1).argmax(axis=1))
         cosine = _cosines(surface, label)
         bad = np.unique(label[cosine < least])
         if not len(bad) and label.max() + 1 == len(np.unique(fields.argmax(axis=1))):
             break
         for b in bad:
             _halve(surface, label, int(b), cosine)
-    used = np.unique(fields.argmax(axis=1))
-    return np.asarray(fields[:, used])
+    return np.asarray(fields[:, np.unique(fields.argmax(axis=1))])
 
 
 def _diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:

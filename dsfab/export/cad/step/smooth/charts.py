@@ -87,7 +87,6 @@ FIRST_POLES = 8.0  # number of poles of the first attempt: geometric mean of bot
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
     """Surface that was fitted to points.
-
     off     : largest distance from the points that the tolerance applies to.
     size    : geometric mean of the numbers of poles in both directions, before they are rounded and limited.
     starved : True if more points would allow more poles."""
@@ -108,11 +107,8 @@ def fitted_surface(
     most_poles: int = MOST_POLES,
 ) -> SurfaceFit:
     """Fit a surface with few poles to Q (k, 6), one point on each skin; the tolerance applies to the points `inside`.
-
-    first_poles : poles of the first attempt, geometric mean of both directions.    most_poles : limit for each
-                  direction.
-    The error of a cubic surface is proportional to the fourth power of its span length. So the error gives the number
-    of poles for the next attempt."""
+    first_poles : geometric mean of the first numbers of poles.    most_poles : limit in each direction.
+    The error is proportional to the fourth power of the span length, which gives the next number of poles."""
     points_per_pole = 2.5  # with fewer points, surfaces wave between the points and leave gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
@@ -121,8 +117,7 @@ def fitted_surface(
     while True:
         count = [int(np.clip(np.rint(x), FEWEST_POLES, most_poles)) for x in (n * aspect, n / aspect)]
         patch, points = patch_through(uv, Q, weight, (count[0], count[1]), SMOOTHING)
-        away = np.linalg.norm((points[inside_numbers] - Q[inside_numbers]).reshape(-1, 2, 3), axis=2)
-        distance = float(away.max())
+        distance = float(np.linalg.norm((points[inside_numbers] - Q[inside_numbers]).reshape(-1, 2, 3), axis=2).max())
         if distance <= tolerance or n >= min(pole_limit, most_poles):
             return SurfaceFit(patch, distance, float(n), bool(distance > tolerance and n < most_poles))
         growth = float(np.clip(1.05 * (distance / tolerance) ** 0.25, 1.15, 2.0))
@@ -133,7 +128,6 @@ def patch_through(
     uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float
 ) -> tuple[SplinePatch, Floats]:
     """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2); return it and its points at uv.
-
     weight : (k,) of the points.    smoothing : weight of second differences, which place poles without points."""
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
@@ -153,7 +147,6 @@ def patch_through(
 @dataclass(frozen=True, eq=False)
 class _Cells:
     """Points sorted by knot cell, and the basis functions of the 16 poles around each cell.
-
     Points of one cell share poles, so one matrix product for each cell takes a quarter of the time of other sums.
     order : (k,) points, cell after cell; start : first index of each cell in `order`.
     poles : (c, 16) poles of each cell; hats (k, 16) values of the basis functions at the points in that order."""
@@ -168,8 +161,7 @@ class _Cells:
         (i, a), (j, b) = basis(uv[:, 0], u), basis(uv[:, 1], v)
         q = len(v) - 4
         order, start, _ = equal_key_groups(i * q + j)
-        first_pole = (i * q + j)[order[start]]
-        poles = first_pole[:, None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
+        poles = (i * q + j)[order[start], None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
         return cls(order, start, poles, np.einsum("ka,kb->kab", a[order], b[order]).reshape(-1, 16))
 
     @property
@@ -184,8 +176,7 @@ class _Cells:
         row, column = np.tril_indices(16)
         place = (self.poles[:, row] - self.poles[:, column]) * p * q + self.poles[:, column]
         band = np.bincount(place.ravel(), sums[:, row, column].ravel(), (3 * q + 4) * p * q).astype(np.float64)
-        sides = np.moveaxis(sums[:, :, 16:], 2, 0)
-        right = [np.bincount(self.poles.ravel(), side.ravel(), p * q) for side in sides]
+        right = [np.bincount(self.poles.ravel(), x.ravel(), p * q) for x in np.moveaxis(sums[:, :, 16:], 2, 0)]
         return band.reshape(3 * q + 4, p * q), np.stack(right, axis=1)
 
     def sums(self, poles: Floats) -> Floats:
@@ -228,7 +219,6 @@ triangles are divided; the distance of the fit from all points is limited in any
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
     """Data for the fit of a chart, millimetres.
-
     origin, axes, steepest : see `SkinChart`.
     uv, Q  : (k, 2) in the plane, and (k, 6) on both skins.
     inside : (k,) True for points that the tolerance applies to.    weight : (k,) weight of each point in the fit.
@@ -246,7 +236,6 @@ class SkinPoints:
 
 def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
     """Collect the points of a chart and of a ring around it.
-
     near_faces : (faces of the undivided mesh,) True near the chart.    in_chart : (n,) True for its vertices."""
     faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
@@ -301,7 +290,6 @@ STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine of a chart's normals and 
 @dataclass(frozen=True, eq=False)
 class SkinChart:
     """Plane of a chart, and both skins over the plane. Lengths in millimetres.
-
     origin, axes : (3,) and (3, 3): two axes in the plane, and the normal of the plane.
     upper, lower, middle : surfaces of the skins, and of their middle, over the plane.
     tolerance    : of the fit; larger on a coarse mesh.
@@ -319,7 +307,7 @@ class SkinChart:
 
     @cached_property
     def skins(self) -> SplinePatch:
-        """Both skins as one surface of six coordinates, the upper ones first."""
+        """Both skins as one surface of six coordinates: those of the upper skin, then those of the lower skin."""
         return SplinePatch(self.upper.u, self.upper.v, np.concatenate([self.upper.poles, self.lower.poles], axis=2))
 
     def projected(self, points: Floats) -> Floats:
@@ -329,7 +317,6 @@ class SkinChart:
 
 class ChartAtlas:
     """Charts of a surface, fitted on demand.
-
     fields : (n, c) on the vertices; chart k is where field k is largest. Divided charts add fields.
     charts : by number, without charts that no spline follows; `failed` holds the reasons."""
 
@@ -343,8 +330,7 @@ class ChartAtlas:
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
         """Fit the charts of these numbers and the charts that they are divided into.
-        hopeless : function of a failed chart's number; True ends the work, because the other charts are then
-                   useless."""
+        hopeless : function of a failed chart's number that returns True if further charts are useless."""
         # A chart may be three tolerances off: OCCT measures the solid later, and few pieces lie at the worst place.
         useless = 3
         fewest = 12  # a chart with fewer vertices is not divided
@@ -376,7 +362,7 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a field (n,) that grows from a chart's steepest normal to the opposite one; None if not too steep."""
+        """Return a field (n,) that grows from a chart's steepest normal to its opposite; None if none is too steep."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -387,7 +373,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # share of the half length over which the fields cross, as steeply as at other borders
+        part_width = 0.25  # the fields change over this share of half the chart's length, as fast as at other borders
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)

@@ -17,7 +17,6 @@ from dsfab.export.splines import Fitted, Spline, even_samples, segment_spline, s
 @dataclass(eq=False)
 class OutlineNodes:
     """Positions of outline vertices in the planes of their charts, and of ends of runs on both skins.
-
     uv    : by chart, (n, 2) positions in its plane, nan for vertices outside of the chart.
     steep : by chart, (n,) largest ratio of a length on the surface to its length in the plane; 1 or more.
     around : by vertex, its charts.
@@ -71,7 +70,6 @@ LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a run's tolerance: before any ref
 @dataclass(frozen=True, eq=False)
 class SmoothEdge:
     """Curves along a run of an outline.
-
     start, end   : vertices of the sheet.
     upper, lower : cubics with equal knots, or lines.
     flat         : by chart, the curve in the plane of the chart.
@@ -88,7 +86,7 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Least power of two whose product with each knot is a whole number, because these are short in the file."""
+        """Least power of two whose product with each knot is a whole number; whole numbers are short in the file."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
@@ -140,8 +138,7 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 
 
 def _on_skins(parts: list[_RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
-    """Fit curves on both skins over curves in planes, within `tolerances` (mm); return each with its largest distance.
-
+    """Fit curves on both skins over plane curves, within `tolerances` (mm); return each curve and its largest error.
     A skin may wave along a simple plane curve; then more samples are taken."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
@@ -228,7 +225,7 @@ def seam_edges(
 ) -> list[SmoothEdge]:
     """Fit one curve for both charts of each seam, half way between their skins."""
     of_edge = 0.05  # tolerance in space over the length of mesh edges; the place of a seam need not be exact
-    of_thickness = 1 / 1000  # tolerance in each chart over the thickness; a gap of both charts may be twice as wide
+    of_thickness = 1 / 1000  # tolerance in each chart over the thickness; the gap between charts may be twice as wide
     runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
     charts = [k for request in requests for k in (request.chart, request.run.beyond)]
     tight = [factor * of_thickness * allowed.thickness for factor in factors]

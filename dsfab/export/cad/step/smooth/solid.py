@@ -54,9 +54,8 @@ class SmoothSkin:
 @dataclass(eq=False)
 class SmoothPiece:
     """Piece of the sheet: edges with the keys of their runs, skins, and the widest gap, mm.
-
     traced : True if edges are also written with their curves on skins and walls.
-    refused : reason why the piece is no single closed shell, or ''."""
+    refused : reason why the piece is not a single closed shell, or ''."""
 
     edges: list[SmoothEdge] = field(default_factory=list)
     keys: list[RunKey] = field(default_factory=list)
@@ -67,12 +66,12 @@ class SmoothPiece:
 
     @property
     def faces(self) -> int:
-        """Number of faces: a wall for each edge that is no seam, and two skins for each region."""
+        """Number of faces: a wall for each edge that is not a seam, and two skins for each region."""
         return sum(edge.wall for edge in self.edges) + 2 * len(self.skins)
 
     @property
     def ends(self) -> Floats:
-        """(k, 3) start points of its edges on the upper skin."""
+        """(k, 3) start points of the edges on the upper skin."""
         return np.array([edge.upper.poles[0] for edge in self.edges])
 
 
@@ -173,7 +172,6 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     """Return the ends of edges at sharp corners whose two sides cross near the corner: 2 k and 2 k + 1 for edge k.
-
     Chords of the edges do not show this crossing. The sides cross if the turn of their tangents at the corner is
     opposite to the turn of the vectors to their middles."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
@@ -291,7 +289,7 @@ class SmoothText:
         return self.new.spline(curve.degree, through, _shared_knot_text(spans * curve.knots))
 
     def _wall(self, edge: SmoothEdge, poles: list[list[int]]) -> int:
-        """Add the ruled surface between an edge's curves; its normal points to their right: outwards."""
+        """Add the ruled surface between an edge's curves; its normal points outwards, to the right of the curves."""
         upper, lower = poles
         rows = map(list, zip(lower, upper, strict=True))
         knots = _shared_knot_text(edge.spans * edge.lower.knots)
@@ -318,7 +316,6 @@ def _knot_text_of_bytes(knots: bytes) -> KnotText:
 @dataclass(frozen=True, eq=False)
 class SmoothPieceFile:
     """Text of the file and its measured properties.
-
     pieces  : number of pieces of the sheet; smooth : number of accepted pieces.
     gap     : widest gap of accepted pieces, mm; there, back : largest distances from the mesh and back.
     volume  : of all smooth solids according to OCCT, cubic millimetres.

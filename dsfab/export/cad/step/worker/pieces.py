@@ -1,9 +1,8 @@
 """OCCT's findings about each solid of a STEP file of smooth pieces.
 
-Each finding holds `valid`, `closed`, `tessellates`, `faces`, `volume` (mm3), `box` (its lowest and highest corner),
-`gap` (mm: measured largest distance between an edge and its curve on a face, whatever its tolerance) and `bad`, the
-ends (k, 3) of crossing edges. An invalid solid gets no triangles, and a solid without triangles gets no volume, because
-triangles and volumes take most of the time."""
+Each finding holds `valid`, `closed`, `tessellates`, `faces`, `volume` (mm3), `box` (lowest and highest corner), `gap`
+(mm, largest measured distance between an edge and its curve on a face) and `bad`, the ends (k, 3) of crossing edges. An
+invalid solid gets no triangles, and a solid without triangles no volume, because these take most of the time."""
 
 import ctypes
 import json
@@ -92,8 +91,7 @@ REPAIRS = (
 
 
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
-    """Return the findings for each solid of a file, one to a product; [] if OCCT cannot read it.
-
+    """Return the findings for each solid of a file with one solid per product; [] if OCCT cannot read the file.
     deflection : mm, of the triangles that become `0.stl`, `1.stl` ... in the folder.
     copies     : True if forks share the work. It must be False after OCCT made triangles, because a fork would then
                  wait for threads that it does not have."""
@@ -107,11 +105,10 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
 
 
 def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
-    """Return the findings for each solid of a file that is judged as a whole; [] if OCCT cannot read it.
-
-    The triangles are those of `dsfab check`. The reader of `dsfab check` also repairs, but a valid file needs no
-    repair. If every face has triangles, the folder gets the triangles and the shape as from `write_triangles`. With
-    `copies` this happens before all findings are complete, so that the caller can use the triangles in parallel."""
+    """Return the findings for each solid of a file that is judged as a whole; [] if OCCT cannot read the file.
+    The triangles equal those of `dsfab check`, whose reader also repairs, because a valid file needs no repair. If
+    every face has triangles, the folder gets the triangles and the shape as from `write_triangles`. With `copies` this
+    happens before all findings are complete, so that the caller can use the triangles in parallel."""
     reader = _reader(path)
     if reader is None or not reader.TransferRoots():
         return []
@@ -151,8 +148,7 @@ def _root(reader: Any, folder: str, deflection: float, copies: bool, i: int) -> 
     if not reader.TransferRoot(i + 1):
         return []
     shape = reader.Shape(reader.NbShapes())
-    triangulate = partial(_tessellates, deflection)
-    results = [_findings(solid, triangulate, copies) for solid in parts(shape, "SOLID")]
+    results = [_findings(solid, partial(_tessellates, deflection), copies) for solid in parts(shape, "SOLID")]
     if folder:
         writer = StlAPI_Writer()
         writer.ASCIIMode = False
@@ -195,7 +191,6 @@ def _triangulates(deflection: float, solid: Any) -> bool:
 
 def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
     """Return True if every face gets triangles, by Delabella's sweep or otherwise by OCCT's own method.
-
     For a skin with hundreds of holes the sweep takes a quarter of the time and gives equally good triangles."""
     angle = 0.5  # neighbouring triangles turn by at most 0.5 radians
     from OCP.BRepMesh import BRepMesh_IncrementalMesh

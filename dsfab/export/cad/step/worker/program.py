@@ -4,8 +4,7 @@
 
 prints one line of JSON. The commands are the functions of `COMMANDS`. Without arguments the program loads OCCT first,
 and then reads the arguments from its input: a list as one line of JSON.
-The modules beside this one import nothing else from dsfab, so that the program is a second opinion and starts quickly.
-"""
+The modules beside this one import nothing else from dsfab, so that the program is independent and starts quickly."""
 
 import gc
 import json
@@ -75,8 +74,8 @@ def _later_arguments() -> list[str]:
 
 
 def main() -> None:
-    """Run a command and print its report; an unreadable file is an error of one line."""
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # threads would not exist in forks of this process
+    """Run a command and print its report, or one line of error for an unreadable file."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # forks of this process would lack its threads
     gc.disable()  # OCCT loads in nine tenths of the time without garbage collection
     command, *arguments = sys.argv[1:] or _later_arguments()
     try:

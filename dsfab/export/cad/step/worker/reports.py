@@ -15,7 +15,7 @@ from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.worker import program as occt_program
 from dsfab.export.subprocesses import PreparedProgram, ProgramError, last_line
 
-SECONDS, SECONDS_PER_MB = 60.0, 10.0  # limits of the time for reading: a constant part, and seconds per megabyte
+SECONDS, SECONDS_PER_MB = 60.0, 10.0  # time limit for reading: seconds, and seconds per megabyte
 
 
 def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]:
@@ -26,7 +26,6 @@ def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]
 @dataclass(frozen=True, eq=False)
 class StepMesh:
     """Triangles of a STEP file: V (n, 3) millimetres, F (m, 3) without shared vertices between faces; number of solids.
-
     face       : (m,) face of each triangle, counted through all solids.
     deflection : largest distance of the triangles from curved faces, millimetres.
     shape      : OCCT's binary shape (`.bin`)."""
@@ -41,15 +40,13 @@ class StepMesh:
 
 def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
     """Read the solids of a STEP file as triangles; raises ExportError if OCCT cannot read it or takes too long.
-
-    deflection : largest distance from curved faces, mm; a share of the solids' size if 0."""
+    deflection : largest distance from curved faces, mm; 0 means `DEFLECTION_SHARE` of the solids' size."""
     with tempfile.TemporaryDirectory() as folder:
         return mesh_in(folder, _drawn(path, folder, *((str(deflection),) if deflection else ())))
 
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
     """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, without reading the file.
-
     faces : (k,) numbers of the faces to draw; None means all. Raises ExportError if OCCT takes too long."""
     with tempfile.TemporaryDirectory() as folder:
         path, only = Path(folder) / "shape.bin", Path(folder) / "faces.npy"
@@ -72,7 +69,6 @@ def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
 
 def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMesh:
     """Read the triangles that a program wrote to a folder; raises OSError if there are none.
-
     facts : `deflection` and perhaps `solids`.    shape : OCCT's binary shape; read from the folder by default."""
     shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
@@ -87,7 +83,6 @@ RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
     """OCCT's findings about a solid, see `pieces`, millimetres. Triangles of different faces share no vertices.
-
     bad : (k, 3) ends of crossing edges.    V, F : triangles of the solid."""
 
     valid: bool
@@ -115,7 +110,6 @@ def findings(
     on_triangles: Callable[[StepMesh], None] | None = None,
 ) -> list[OcctFinding]:
     """Return findings about each solid of a file; [] if OCCT fails or takes longer than `limit` seconds.
-
     deflection   : largest distance of the triangles from the solid, millimetres.
     on_triangles : if given, OCCT judges the solids together, and the findings contain no triangles. If every face has
                    triangles, this function gets the triangles of all solids, as from `read_step`, while OCCT continues.
@@ -154,7 +148,7 @@ def _finding(record: dict[str, Any], path: Path) -> OcctFinding:
 
 
 def distinct_points(points: Floats) -> tuple[Floats, Ints]:
-    """Return the distinct rows of points (k, 3) in order, and the index of each: `np.unique`, four times as fast."""
+    """Return the distinct points in order, and the index (k,) of each of the points (k, 3); faster than `np.unique`."""
     order = np.lexsort(points.T[::-1])
     ranked = points[order]
     is_first = np.ones(len(points), dtype=bool)

@@ -19,7 +19,7 @@ def read(path: Path) -> Any:
         BRepTools.Read_s(shape, str(path), BRep_Builder())
     else:
         reader = step_reader(path)
-        if reader is None:  # OCCT would crash if it went on
+        if reader is None:  # OCCT would crash without a reader
             raise ValueError("OCCT does not read it")
         reader.TransferRoots()
         shape = reader.OneShape()
@@ -80,7 +80,6 @@ def compound(shapes: list[Any]) -> Any:
 
 def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
     """Return the lowest and highest corner of OCCT's box, six numbers.
-
     with_triangles : use triangles that the faces hold."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
@@ -110,8 +109,7 @@ def is_valid(shape: Any) -> bool:
 
 def gauss_kronrod_volume(shape: Any, accuracy: float) -> float:
     """Return the volume (mm3) to a relative accuracy, also for faces with many holes or curved edges.
-
-    On a plate with 65 holes and curved walls OCCT's adaptive rule was 1e-3 off, and this rule 7e-9 with 1e-5."""
+    On a plate with 65 holes and curved walls OCCT's adaptive rule was 1e-3 off, and this rule 7e-9 for 1e-5."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
@@ -129,11 +127,9 @@ def without_triangles(faces: list[Any]) -> list[Any]:
 
 
 def step_facts(path: Path) -> dict[str, Any]:
-    """Return the numbers of solids and faces, OCCT's validity check, and the total volume, cubic millimetres.
-
+    """Return the facts of a file, in millimetres; raises ValueError if OCCT finds no shape.
     Solids give {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}, tessellated geometry
-    {"triangles": 12, "volume": 1000.0}, and for lines {"lines": 3, "length": 12.0}. Raises ValueError if OCCT finds no
-    shape."""
+    {"triangles": 12, "volume": 1000.0}, and lines {"lines": 3, "length": 12.0}."""
     accuracy = 1e-5
     shape = read(path)
     text = b"" if path.suffix == ".brep" else path.read_bytes()
@@ -188,7 +184,7 @@ def _triangles(shape: Any) -> dict[str, Any]:
 
 
 def _tessellates(shape: Any, faces: list[Any]) -> bool:
-    """Return True if every face becomes triangles, which OCCT fails to make of a few valid curved faces."""
+    """Return True if every face becomes triangles; OCCT makes no triangles of a few valid curved faces."""
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.GeomAbs import GeomAbs_SurfaceType

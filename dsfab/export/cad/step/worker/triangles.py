@@ -16,9 +16,8 @@ DEFLECTION_SHARE = 1e-4  # default deflection, as a share of the diagonal of the
 
 def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:
     """Read a STEP or `.bin` file and write `mesh.npz` to a folder, and `shape.bin` unless the file is binary.
-
-    faces : a `.npy` file of face numbers to draw. Returns the number of solids and the deflection; raises ValueError if
-            OCCT cannot read the file."""
+    Return the number of solids and the deflection; raises ValueError if OCCT cannot read the file.
+    faces : a `.npy` file of the numbers of the faces to draw; all faces by default."""
     shape = read(path)
     if path.suffix != ".bin":
         write_binary(shape, folder / "shape.bin")
@@ -29,9 +28,7 @@ def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: st
 
 def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
     """Return V, F and `face` as in `mesh.npz`, of the faces `only` (k,) or all faces; number of solids and deflection.
-
-    deflection : `DEFLECTION_SHARE` of the size if 0. Selected faces are drawn together, so that neighbours share the
-                 points of their edges."""
+    Selected faces are drawn together, so that neighbours share the points of their edges."""
     solids, deflection = parts(shape, "SOLID"), deflection or DEFLECTION_SHARE * diagonal(shape)
     faces = [face for solid in solids for face in faces_of(solid)]
     numbers = list(range(len(faces)) if only is None else map(int, only))

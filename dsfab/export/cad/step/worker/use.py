@@ -73,7 +73,6 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
 
 def sample(path: Path) -> dict[str, Any]:
     """Return the result of one cut through the middle of a file: `box`, `halves` (True if valid), `off` (as `missed`).
-
     Volumes are measured last, and only for valid halves, because volumes of smooth solids take most of the time."""
     begin = time.process_time()
     shape = read(path)
@@ -99,15 +98,10 @@ def _plain_volume(shape: Any) -> float:
 
 class VolumeErrors(NamedTuple):
     """Relative errors of the volume of two halves: `alone` if measured separately, `together` if measured as one shape.
-
-    `together` is measured only if `alone` lies between `TOGETHER_LIMIT` and `ALONE_LIMIT`. Both are 1 if a half is
-    invalid.
-
-    Where a plane cuts two trimmed faces, the outline of the section has a gap as wide as their distance. OCCT (8.0)
-    integrates over a plane from a line beside the outline. So a gap adds an error: its width times its distance from
-    that line. Each half has its own line, so both halves have different errors, which cancel in one shape. Halves of a
-    saddle of 5 m with gaps of 0.0065 mm missed 1.9e-5 alone and 2.4e-10 together. A lost piece of skin would be missing
-    in both measures."""
+    `together` is measured only if `alone` is between `TOGETHER_LIMIT` and `ALONE_LIMIT`. An invalid half gives 1 and 1.
+    A gap between two trimmed faces adds an error to each half: its width times its distance from a line that OCCT
+    (8.0) chooses for this half. The errors of both halves cancel in one shape. Halves of a saddle of 5 m with gaps of
+    0.0065 mm missed 1.9e-5 alone and 2.4e-10 together. A lost piece of skin would be missing in both measures."""
 
     alone: float
     together: float
@@ -169,7 +163,6 @@ def _box(box: list[float]) -> Any:
 
 def _split(shape: Any, tool: Any) -> list[Any]:
     """Return the parts inside and outside of a tool, or [] if a part is invalid.
-
     Both parts are cells of one subdivision. Two booleans gave equal volumes but took up to 1.4 times as long."""
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape

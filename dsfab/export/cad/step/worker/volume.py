@@ -11,12 +11,12 @@ from numpy.polynomial import legendre
 
 from dsfab.export.cad.step.worker.shapes import faces_of, parts
 
-VOLUME = 1e-3  # relative error that the adaptive rule must estimate for itself; the real error was a hundredth of this
+VOLUME = 1e-3  # largest relative error in the adaptive rule's own estimate; the real error was a hundredth of this
 MANY_EDGES = 16  # smallest number of edges of a face for Green's theorem; OCCT's rule is faster for ten edges
 
 
 class PlaneSpline(NamedTuple):
-    """Curve in a surface's parameters: degree, repeated knots, poles, and direction (-1 against the face)."""
+    """Curve in a surface's parameters. knots : with repetitions.    way : 1, or -1 if it runs against the face."""
 
     degree: int
     knots: list[float]
@@ -40,7 +40,6 @@ def volume(solid: Any) -> float:
 
 def _cone(face: Any, about: Any) -> float:
     """Volume in cubic millimetres between a face and a point, positive if the point lies behind the face.
-
     The time of OCCT's adaptive rule grows with the edges of a face times the poles of its surface; for many edges
     `_cone_on_spline` is three times as fast. OCCT's plain rule is off by up to 1 % on faces with many holes."""
     from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
@@ -88,9 +87,7 @@ def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
 
 def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) -> float:
     """Integrate f = (S - about) . (S_u x S_v) / 3 inside an outline, by Green's theorem: integrate G dv along the
-    outline, where G is the integral of f over u.
-
-    Between knots f is a polynomial of degrees 3 p - 1 and 3 q - 1, integrated in Legendre's basis."""
+    outline, where G is the integral of f over u. Between knots f is a polynomial of degrees 3 p - 1 and 3 q - 1."""
     u = [surface.UKnot(i) for i in range(1, surface.NbUKnots() + 1)]
     v = [surface.VKnot(i) for i in range(1, surface.NbVKnots() + 1)]
     p, q = 3 * surface.UDegree(), 3 * surface.VDegree()
