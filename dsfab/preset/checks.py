@@ -106,7 +106,7 @@ def _by_stated_tag(union: Any) -> dict[str, Any]:
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
-    """Return True if the pattern follows a sum of stress magnitudes, False for the stress of one case or combination."""
+    """Return True if the pattern follows a sum of stress magnitudes, not the stress of one case or combination."""
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 

@@ -78,7 +78,7 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 
 def require_mesh(preset: Preset) -> None:
-    """Raise PresetError for a shipped preset that needs the user's mesh; the message is for users of the command line."""
+    """Raise PresetError for a shipped preset that needs the user's mesh; the message is for the command line."""
     if isinstance(surface := preset.surface, FileSurface) and surface.waits:
         raise PresetError(
             f"preset {preset.name} needs your mesh: add --mesh FILE, and --unit mm if the file is in millimetres"

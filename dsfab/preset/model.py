@@ -270,7 +270,7 @@ class Width(Section):
     min_gap: Annotated[float, Ge(0)] = 0.0
     """Least gap between two stripes of a family, metres; narrower gaps become material. 0: no limit."""
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
-    """Share of the surface that stays material, with keep and rim; dsfab scales the widths to reach it. 0: no scaling."""
+    """Share of the surface that stays material, with keep and rim; dsfab scales the widths to it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
     """Largest error of solid_fraction if the share jumps because member ends appear or vanish; a note reports it."""
 
@@ -441,9 +441,9 @@ class Slicing(Section):
     pinch: Literal["join", "split"] = "join"
     """Treatment of material that would meet in a single point. join: add a small disc. split: separate the material."""
     min_opening: Annotated[float, Ge(0)] | None = None
-    """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default on modes: 0. Default
-    between evenly spaced stripes: 15 % of their spacing, and for tidied stripes at least the thickness. Openings under
-    35 % of the usual size are filled, too."""
+    """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default on modes: 0.
+    Default between evenly spaced stripes: 15 % of their spacing, for tidied stripes at most the thickness. Openings
+    under 35 % of the usual size are filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Least width of openings with pattern.workshop, metres. Narrower openings are bridged; narrower tips are filled.
     0: no limit. Default: a quarter of the thickness, or 3 mm if that is more (for small designs a 500th of their size).
@@ -646,7 +646,7 @@ class Preset(Section):
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=changes)})
 
     def self_contained(self) -> "Preset":
-        """Return the preset with curves in place of references to drawings. Raises SurfaceError for a missing drawing."""
+        """Return the preset with curves in place of references to drawings. Raises SurfaceError without a drawing."""
         lists = {"surface": ("support", "load"), "pattern": ("guide", "region"), "thickening": ("extra",)}
         changes = dict[str, Any]()
         for name, keys in lists.items():

@@ -90,7 +90,8 @@ class Edge:
         return self.points[:, 2]
 
     def part(self, start: int, end: int) -> "Edge":
-        """Return the part of a closed edge from point `start` to point `end`, both included, also past the last point."""
+        """Return the part of a closed edge from point `start` to point `end`, both included, also across the last
+        point."""
         run = np.arange(start, end + 1 if end >= start else end + 1 + len(self.points))
         return Edge(self.loop, self.points[run % len(self.points)], closed=False)
 
