@@ -103,8 +103,7 @@ def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseRes
 
 
 def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
-    """Yield an objection to a loaded support with few vertices, because the stress at the support depends on the mesh.
-    """
+    """Yield an objection to a loaded support with few vertices, because the stress there depends on the mesh."""
     for entry in entries:
         share = max(entry.share.values(), default=0.0)
         if entry.vertices < FEW_VERTICES and share > SOME_REACTION:

@@ -46,10 +46,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-RESULT_NAMES = {
-    "slicing": ("slicing", "sheet"),
-    "thickening": ("solid",),
-}  # Names of their results.
+RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Names of their results.
 
 
 @dataclass
@@ -167,8 +164,7 @@ class Design:
         return self._results.has(stage)
 
     def cached_result(self, stage: str, name: str, make: Callable[[], T]) -> T:
-        """Return `make()`, computed once under `name`. A revision keeps the value if only stages after `stage` changed.
-        """
+        """Return `make()`, computed once under `name`. A revision keeps it if only stages after `stage` changed."""
         return self._results.derived_value(stage, name, make)
 
     def existing_result(self, name: str) -> Any:
@@ -382,8 +378,7 @@ class Design:
 
     @property
     def resolved_preset(self) -> Preset:
-        """The preset with the results of all searches in place of `auto`, which gives the same design without a search.
-        """
+        """The preset with the results of all searches in place of `auto`; it gives the same design without a search."""
         return self.pattern.preset_with_choices(self.preset)
 
     @property

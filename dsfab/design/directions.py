@@ -37,8 +37,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return axes, the rows (3, 3), for signs and bases of modes. They depend on loads and supports, not on x, y and z.
-    """
+    """Return axes, the rows (3, 3), for signs and bases of modes; they depend on loads and supports only."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)

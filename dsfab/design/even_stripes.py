@@ -101,8 +101,7 @@ class StripeDirections:
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
-        """Directions (n, 3) of the phase gradients, for the major and the minor family, perpendicular to the stripes.
-        """
+        """Directions (n, 3) of the gradients of the major and of the minor phase, perpendicular to the stripes."""
         return cross(self.frames.normal, self.along), self.along
 
     def steered_with_members(self, families: Sequence[FamilyLines]) -> StripeSteering | None:
@@ -232,8 +231,7 @@ class FamilyCourse:
 
 
 def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """Return the displacement (n,) of each vertex, summed over the followed loads; 1 for all vertices if nothing moves.
-    """
+    """Return the displacement (n,) of each vertex, summed over the followed loads; 1 everywhere if nothing moves."""
     followed = [(weight, statics.cases[name].equilibrium.u) for name, weight in preset.followed_weights.items()]
     movement = sum(abs(weight) * np.linalg.norm(u, axis=1) for weight, u in followed)
     return np.asarray(movement if np.any(movement) else np.ones(surface.n))
