@@ -44,8 +44,6 @@ if TYPE_CHECKING:
     from dsfab.report.design.save import SavedDesign
 
 T = TypeVar("T")
-
-
 RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Names of their results.
 
 

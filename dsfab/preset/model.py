@@ -179,7 +179,6 @@ def _number_or_word(value: Any) -> str:
 
 
 AUTO: Literal["auto"] = "auto"  # Value of a key for which dsfab chooses the mode, the phase or the least width.
-
 Mode = Annotated[
     Annotated[int, Ge(1), Le(50), Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
     Discriminator(_number_or_word),
@@ -187,7 +186,6 @@ Mode = Annotated[
 Phase = Annotated[
     Annotated[float, Tag("number")] | Annotated[Literal["auto"], Tag("auto")], Discriminator(_number_or_word)
 ]
-
 LeastWidth = Annotated[
     Annotated[float, Ge(0), Tag("number")] | Annotated[Literal["auto"], Tag("auto")], Discriminator(_number_or_word)
 ]

@@ -19,10 +19,7 @@ from dsfab.surface import LoadCase, Surface
 
 CCX = "ccx"  # CalculiX's solver program
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
-
-Projection = Callable[
-    [Floats], tuple[Floats, Floats]
-]  # takes points (k, 3), returns the points on the middle surface and unit normals
+Projection = Callable[[Floats], tuple[Floats, Floats]]  # points (k, 3) -> points on the middle surface, unit normals
 
 
 @dataclass(frozen=True, eq=False)

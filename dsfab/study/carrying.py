@@ -44,13 +44,10 @@ if TYPE_CHECKING:
     from dsfab.members.frame import MemberForces
 
 Place = tuple[float, float, float]
-
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
-
 BUCKLED_CASES = 3
 """Number of cases and combinations, those with the largest compression, whose buckling is computed. A standard gives up
 to 40 combinations, and each buckling analysis takes as long as a solve."""
-
 NARROW_RIB = 3.0
 """Ratio of mean rib width to thickness below which a bar has under 0.8 of the torsional stiffness of a strip of sheet
 (`torsion_share`). At a ratio of 2.2, a wall moved by 11 % more as a solid by CalculiX."""

@@ -140,7 +140,6 @@ UNRELIABLE = (
     "S6 shells are unreliable on cut curved sheets: CalculiX may refuse the file or answer far too soft; check the "
     "uncut sheet instead, or a sheet that is flat and loaded in its plane"
 )
-
 LOADS = {
     "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
     "cut": "Loads are those of the cut sheet: its own weight, and loads of coverings on the material nearest to them",

@@ -220,7 +220,6 @@ def _smallest_member(structure: Structure) -> float | None:
 
 
 SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # of full checks; True: sheet solved in its plane
-
 Level = Literal["quick", "full"]
 
 

@@ -104,7 +104,6 @@ NAME = "design.npz"
 LAYOUT = 2  # Version of the archive; dsfab does not read other versions.
 MADE_BY = tuple(stage for stage in STAGES if stage != "export")  # Sections of a preset that determine a design.
 MESH = "surface.ply"  # File for a mesh from Python, metres, without rounding.
-
 _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 

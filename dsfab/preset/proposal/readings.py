@@ -22,7 +22,6 @@ LOWEST_SILL = 0.005  # Inner edges of a wall are windows if they begin above thi
 BAY = 7.5  # Usual distance between the columns of a grid, metres.
 MOST = 200  # Largest number of columns, and of posts along a side; with more of them the unit is probably wrong.
 SOLE = 0.03  # A closed surface stands on its vertices below this share of its height.
-
 Kind = Literal["roof", "hung", "floor", "wall", "object"]
 
 

@@ -171,7 +171,6 @@ def thinner(task: ComparisonTask) -> list[Variant]:
 
 
 SAME_MASS = 1e-3  # largest relative difference of equal masses
-
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
 """Function of a task, a share of the surface and a tolerance; it returns layers of material that cover this share."""
 
@@ -252,7 +251,7 @@ PHASES = (0.0, 0.25, 0.5, 0.75)  # phases, in periods, of the variants without m
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress: a preset without width rules, pairs of modes, and a function that computes modes."""
+    """Stripes that ignore the stress: a preset without width rules, pairs of modes, and a function for the modes."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -344,7 +343,7 @@ def principal_axes(task: ComparisonTask) -> Floats:
     x = surface.V - mass @ surface.V / mass.sum()
     spread = x.T @ (mass[:, None] * x)
     ties = reference_axes(surface, (load.supported.astype(float),), (load.force.sum(axis=0),))
-    # 1e-3 is so small that it only decides between equally long axes
+    # small enough to decide only between equally long axes
     spread += 1e-3 * np.trace(spread) * ties.T @ np.diag([1.0, 0.5, 0.0]) @ ties
     return np.asarray(np.linalg.eigh(spread)[1][:, :0:-1].T)
 
