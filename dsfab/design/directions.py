@@ -116,8 +116,7 @@ class Steering:
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return how clear the direction is on each face, (m,), 0 to 1, from that of the stress (m,) and from the
-        guides."""
+        """Return how clear the direction is on each face, (m,), 0 to 1, from the stress (m,) and the guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
@@ -189,8 +188,7 @@ def _keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, 
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the symmetry of the selected images and its order. Return None and 1 for a single image, or without a
-    group."""
+    """Return the symmetry of the selected images and its order; None and 1 for one image, or without a group."""
     R = symmetry.R[selected]
     maps = tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):

@@ -191,8 +191,7 @@ class FamilyCourse:
 
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
-        """Return the course of a family by name. `start` is the fourth power of the stress: lines start at large
-        stress."""
+        """Return the course of a family by name. `start` is the fourth power of the stress."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -252,8 +251,7 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
 
 
 def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floats) -> Floats:
-    """Return periods per metre (n,) around each vertex, from the gradient's length (m,) on all faces but singular
-    faces."""
+    """Return periods per metre (n,) around each vertex, from the gradient's length (m,) on regular faces."""
     regular = (~singular).astype(float)
     mean, regular_share = vertex_means(surface, np.stack([size * regular, regular], axis=1)).T
     slope = np.divide(mean, regular_share, out=wanted_density.copy(), where=regular_share > 0)

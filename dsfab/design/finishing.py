@@ -60,8 +60,8 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
     """Return the smallest openings and the smallest necks of openings (m), or 0.
-    Smaller openings are filled, and narrower necks bridged. Between evenly spaced stripes a neck is about as wide as
-    the thickness."""
+    Smaller openings are filled, narrower necks bridged. Between even stripes a neck is about as wide as the thickness.
+    """
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0

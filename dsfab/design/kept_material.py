@@ -61,8 +61,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return a mask (m,) of faces where a stripe on a mode runs along the wrong principal direction; None without
-    modes."""
+    """Return a mask (m,) of faces where a stripe on a mode runs along the wrong principal direction, or None."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -103,8 +102,7 @@ def corrected_pattern(
                     So it runs once after a search without bridges, and in later trials only if it did not return 0.
 
     The added share depends little on the widths, so the stripes get the requested share minus the added share. If
-    openings close, the added share jumps. Then the search bisects between a trial below and a trial above the requested
-    share."""
+    openings close, the added share jumps; the search then bisects between a smaller and a larger total."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0

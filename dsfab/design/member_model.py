@@ -81,9 +81,8 @@ PERMANENT = {"self_weight", "cladding"}  # Kinds of permanent loads.
 
 
 class ActionCase(NamedTuple):
-    """Loads of one case that belong to one kind of action.
-    case : name of the case in the preset.    action : permanent, snow, wind or variable.    load : on the uncut
-           surface."""
+    """Loads of one case that belong to one kind of action, on the uncut surface.
+    case : name of the case in the preset.    action : permanent, snow, wind or variable."""
 
     case: str
     action: str

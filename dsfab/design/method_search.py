@@ -78,8 +78,8 @@ def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes, along the forces of the stiffest sheet of varying thickness.
-    The gain is large if these forces differ much from those of the uncut sheet: a plate with a hole has .87 times the
-    compliance."""
+    The gain is large if these forces differ from those of the uncut sheet: .87 times the compliance for a plate with a
+    hole."""
     options = preset.pattern
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not _exchangeable(options.width) or options.is_steered:
@@ -288,8 +288,7 @@ their trial, and 28 % better as built. Elements of trials are up to 26 % too sti
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
     """Return the best method of drawing stripes, and all attempts, best first.
     The best method has the fewest dead ends, then the fewest slits, then the most stiffness per share of material (see
-    `Attempt.rank`). More accurate elements decide between nearly equal candidates. Raises PatternError if no candidate
-    carries the loads."""
+    `Attempt.rank`). Accurate elements order nearly equal candidates. Raises PatternError if none carries the loads."""
     candidates: list[MethodCandidate] = []
     for method, halve in methods(preset):
         with log.row("method"):
@@ -327,8 +326,7 @@ def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSur
 
 
 def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates, best first; more accurate elements order candidates with equal flaws and nearly equal
-    stiffness."""
+    """Return candidates, best first; accurate elements order those with equal flaws and nearly equal stiffness."""
     ranked = sorted(candidates, key=lambda candidate: candidate.attempt.rank)
     *flaws, soft = ranked[0].attempt.rank
     near_best = [candidate for candidate in ranked if candidate.sheet and list(candidate.attempt.rank[:-1]) == flaws]
@@ -339,8 +337,7 @@ def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> li
 
 
 def _accurate_softness(candidate: MethodCandidate, analysis: StressedSurface) -> float:
-    """Return compliance (J) times share of material, to three digits as in `Attempt.rank`, with the elements of
-    reports."""
+    """Return compliance (J) times share of material, to three digits, with the elements of reports."""
     assert candidate.sheet is not None
     trial = Trial(candidate.preset, analysis, candidate.even)
     compliance = trial.compliance(candidate.sheet.surface, trial.loads_on(candidate.sheet), "compliance_once")

@@ -197,9 +197,7 @@ def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
-    """Return `symmetry_error` for the cells of the cut.
-    After the cut, edges of members have moved by up to `slicing.snap`, narrow openings are closed, and corners are
-    round."""
+    """Return `symmetry_error` for the cells of the cut, which have snapped edges and round corners."""
     V, F = cells.surface.V, cells.surface.F
     return _asymmetric_share(
         surface, cells.surface, symmetry, lambda points: cells.material[nearest_places(points, V, F).simplex]

@@ -263,8 +263,7 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
-"""Range of a surface's size divided by its thickness. For values outside, units are wrong, and dsfab refuses the
-preset."""
+"""Range of a surface's size divided by its thickness; dsfab refuses other values, because units are wrong."""
 USUAL_SLENDERNESS = (10.0, 5e3)  # Usual range of the size divided by the thickness; a note reports values outside.
 
 

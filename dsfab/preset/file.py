@@ -47,8 +47,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return the preset with new values at dotted keys. Raises PresetError as `load_preset`, and for an object of
-    another type."""
+    """Return the preset with new values at dotted keys. Raises PresetError as `load_preset`, or for no preset."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # unchanged sections need no checks

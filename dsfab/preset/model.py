@@ -250,9 +250,9 @@ class Width(Section):
     """[pattern.width]: width of the stripes of both families."""
 
     rule: Rule = "plain"
-    """plain: widths follow the thresholds (the paper). constant: equal widths in metres. graded: wider where the stress
-    is larger. stressed: graded, then cut, solved and widened repeatedly where the energy is largest; the stiffest and
-    slowest rule."""
+    """plain: widths follow the thresholds (the paper). constant: equal widths in metres. graded: wider where the
+    stress is larger. stressed: graded, then cut, solved and widened repeatedly where the energy is largest; stiffest,
+    slowest."""
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members for rule constant, metres. 0: dsfab computes the width from solid_fraction."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
@@ -327,8 +327,7 @@ class Pattern(Section):
     (from outside for a closed surface); 90 swaps the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """For stripes: forces that set direction and grading. uncut: forces of the uncut sheet. optimal: forces of the
-    stiffest sheet of varying thickness with the same material (solid_fraction). optimal gives stiffer flat designs,
-    edges and openings."""
+    stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs and edges."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
     """For stripes: number of repeated searches for directions, with the weight of the stripes if weight is most of the
     load. 0: a single search, with the weight of the uncut sheet."""
@@ -449,8 +448,8 @@ class Slicing(Section):
     min_member: Annotated[float, Ge(0)] | None = None
     """Least width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop the limit
     applies to all members. Its default is then half of the thickness, or the limit of [pattern.width] if that is less.
-    Otherwise it applies to tidied stripes between openings with round corners, if they are also narrower than 0.8 usual
-    widths."""
+    Otherwise it applies to tidied stripes between openings with round corners, if also narrower than 0.8 usual widths.
+    """
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0

@@ -22,8 +22,7 @@ class Sizing(Section):
     thicknesses: tuple[Annotated[float, Gt(0), Le(10)], ...] = ()
     """Thicknesses to choose from, metres. Default: those in which the material is sold or made."""
     first: Annotated[float, Ge(0), Le(10)] = 0.0
-    """First guess, metres: sizing tries thicknesses from a third to three times this guess. 0: dsfab guesses from the
-    size."""
+    """First guess, metres: sizing tries a third to three times this thickness. 0: dsfab guesses from the size."""
 
 
 Route = Literal["auto", "strips", "planks", "bars", "sheet", "panels"]

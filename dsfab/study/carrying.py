@@ -55,8 +55,7 @@ NARROW_RIB = 3.0
 
 @dataclass(frozen=True)
 class MemberUse:
-    """The most used member. value : utilisation, 1 at the limit. place : metres. check : name and clause of the
-    check."""
+    """The most used member. value : utilisation, 1 at the limit. place : metres. check : words for the check."""
 
     member: str
     value: float

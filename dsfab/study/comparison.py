@@ -68,8 +68,7 @@ class Comparison:
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return a competitor's compliance divided by the design's: above 1 the design is stiffer; nan if neither
-        carries."""
+        """Return a competitor's compliance divided by the design's: above 1 the design is stiffer. nan if both fail."""
         rival, design_compliance = self[name].compliance, self.design.compliance
         if np.isfinite(design_compliance):
             return rival / design_compliance

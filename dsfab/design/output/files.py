@@ -52,8 +52,7 @@ class OpenedSurface(NamedTuple):
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet, cut along the seam, with its cells in the same order; and pairs of half-edges (k, 2) of the
-        seam."""
+        """Return a sheet, cut along the seam, with its cells in order; and pairs (k, 2) of half-edges of the seam."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -130,8 +129,7 @@ def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
     """Return the edges of the shortest path between two nodes, in order; (0,) without a path.
-    Each place has two nodes, one for each side; `count` is the number of nodes. Edges with `turns` of 1 change the
-    side."""
+    Each place has two nodes, one for each side, `count` in all. Edges with `turns` of 1 change the side."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])

@@ -90,8 +90,7 @@ class Edge:
         return self.points[:, 2]
 
     def part(self, start: int, end: int) -> "Edge":
-        """Return the part of a closed edge from point `start` to point `end`, both included, also across the last
-        point."""
+        """Return the part of a closed edge from point `start` to point `end`, both included."""
         run = np.arange(start, end + 1 if end >= start else end + 1 + len(self.points))
         return Edge(self.loop, self.points[run % len(self.points)], closed=False)
 
@@ -244,8 +243,7 @@ class Shape:
         return float(middle[2] - np.median(around)) / radius if len(around) else 0.0
 
     def lowness(self, edge: Edge) -> float:
-        """Return 1 for an edge at or below the centre of mass, 0 for an edge at the top; always 1 for an almost flat
-        sheet."""
+        """Return 1 for an edge at or below the centre of mass, 0 for an edge at the top; 1 on an almost flat sheet."""
         rise = (edge.z.mean() - self.middle[2]) / max(self.surface.V[:, 2].max() - self.middle[2], 1e-9)
         return 1.0 if self.rise < 0.05 * self.width else float(np.clip(1 - rise, 0, 1))
 

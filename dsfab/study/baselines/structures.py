@@ -202,8 +202,7 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure:
-    """Return the structure that slicing cuts from layers, with the preset's options. Loose pieces are left out, which
-    may change the mass."""
+    """Return the structure that slicing cuts from layers, with the preset's options but without loose pieces."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     slicing = task.preset.slicing.model_copy(update={"loose": "drop"})
     preset = task.preset.with_pattern(workshop=False).model_copy(update={"slicing": slicing})
@@ -336,8 +335,7 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return the two unit axes (2, 3) along which the surface is longest; supports and loads decide between equal
-    lengths."""
+    """Return the two unit axes (2, 3) along which the surface is longest; of equal ones, supports and loads choose."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()

@@ -19,8 +19,7 @@ from dsfab.surface import LoadCase, Surface
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
     """Return weights (m, m) between faces whose centroids are at most `radius` metres apart; each row sums to 1.
-    A weight is A_f (radius - distance), divided by the sum of its row. The area A_f corrects for local refinement
-    [Sigmund 2007]."""
+    A weight is A_f (radius - distance), divided by the sum of its row; A_f is the area of the face [Sigmund 2007]."""
     i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
     diagonal = np.arange(surface.m)

@@ -53,8 +53,7 @@ def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
     """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
 
     gmsh reads STEP files and meshes their faces; triangles of other files stay, but long edges are halved. Chords of
-    curved faces may change the volume by `CHANGED_VOLUME`. Raises StaticsError if gmsh fails, takes too long, or fills
-    another volume."""
+    curved faces may change the volume by `CHANGED_VOLUME`. Raises StaticsError if gmsh fails or takes too long."""
     volume = Surface(contents.V, contents.F).volume
     if contents.path.suffix.lower() in STEP:
         X, T = _run_gmsh({"step": str(contents.path.resolve()), "edge": edge})

@@ -30,8 +30,7 @@ NAME = "coordinator.lock"
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
     """Lock a sweep folder, so that one process coordinates the sweep. The lock is an SQLite file, which the system
-    unlocks when the process ends. A text file beside the lock names the process. Raises DsfabError while another
-    process has the lock."""
+    unlocks when the process ends. A text file beside it names the process. Raises DsfabError for a locked folder."""
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
     try:

@@ -25,8 +25,7 @@ DIGITS = 6  # significant digits of the values in a range
 
 
 class Range(BaseModel):
-    """Values from `from` to `to`, both included, in equal steps or factors; whole numbers if both ends are whole
-    numbers."""
+    """Values from `from` to `to`, both included, in equal steps or factors; whole numbers if both ends are whole."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 

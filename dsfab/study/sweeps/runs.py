@@ -135,8 +135,7 @@ CREATE INDEX by_state ON runs (state);
 
 @dataclass(frozen=True)
 class RunRow:
-    """A recorded run. tries : number of starts.    lost : number of workers that died in this run, over all
-    sessions."""
+    """A recorded run. tries : number of starts.    lost : number of workers that died in it, in all sessions."""
 
     number: int
     changes: Mapping[str, Any]
@@ -322,8 +321,7 @@ FEWEST, PER_AXIS = 12, 4
 """Points of a generation: at least `FEWEST`, or `PER_AXIS` for each axis. The number does not depend on the length of a
 search, so that a search can be extended."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
-"""Least costs of runs that miss constraints, failed, or were not made. Among runs that miss constraints, a smaller miss
-is better [Deb 2000]."""
+"""Least costs of runs that miss constraints, failed, or were not made; a smaller miss costs less [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
 """Function that makes missing runs, and returns all runs by digest."""
 

@@ -78,8 +78,7 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return the next run of a worker, or None. A worker with an empty queue gets the free runs, or half of the
-        longest queue."""
+        """Return the next run of a worker, or None. An empty queue gets the free runs, or half of the longest queue."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()

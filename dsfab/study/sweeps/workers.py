@@ -25,8 +25,7 @@ from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
-"""Function that draws a design as the bytes of a PNG file; `dsfab.app` passes it, because this room imports no
-renderer."""
+"""Function that draws a design as the bytes of a PNG file; `dsfab.app` passes it, because only apps draw."""
 
 
 @dataclass(frozen=True)

@@ -158,8 +158,7 @@ def off_corners(surface: Surface, supported: Bools) -> Bools:
 
 
 def rib_width(surface: Surface) -> float:
-    """Return the mean width of the members (m): twice the area divided by the length of all borders; inf without
-    borders."""
+    """Return the mean width of the members (m): twice the area divided by the length of all borders, or inf."""
     length = float(surface.edge_lengths[surface.edges.boundary].sum())
     return 2 * surface.area / length if length else float("inf")
 

@@ -139,8 +139,7 @@ def theory_share(soft: RibSoftening) -> float:
 
     The factors cover all solids that CalculiX solved as quadratic wedges: 39 random designs, and 31 designs on other
     surfaces (`solids.csv`; 8 of these, seed 3, are newer than the formula). All solids are softer than thin sheets.
-    Torsion and shear follow from mechanics. The bending term covers joints of ribs, and shells that are thick for their
-    radius."""
+    Torsion and shear follow from mechanics; the bending term covers joints of ribs and thick shells."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 

@@ -301,8 +301,7 @@ def check(
               and collapsed (`dsfab.slicing.finishing.mesh_quality`), and the solver runs again. Without this step, 781
               needles among 38 127 triangles made a sheet look like a mechanism.
 
-    A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError for a `LoadedSurface` without
-    `sheet`."""
+    A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError without a sheet."""
     start = time.perf_counter()
     setting = LoadedSurface.from_design(subject) if isinstance(subject, Design) else subject
     if sheet is None:
