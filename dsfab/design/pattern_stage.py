@@ -139,9 +139,9 @@ def chosen_method(
     else:
         candidate = _requested_method(preset, analysis, log, earlier)
     if even := candidate.even:
-        told = even.steered.told if even.steered else ""
+        steering_note = even.steered.told if even.steered else ""
         one_sided = one_sided_message(analysis.surface, preset.pattern.region, even.symmetry)
-        for message in filter(None, (told, one_sided, *_idle_frequencies(preset.pattern, analysis.surface))):
+        for message in filter(None, (steering_note, one_sided, *_idle_frequencies(preset.pattern, analysis.surface))):
             log.note("pattern", message)
     return ChosenMethod(candidate, attempts)
 

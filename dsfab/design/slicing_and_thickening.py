@@ -69,16 +69,16 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
         log.note("slicing", f"{which} were cut off or straightened at {places_phrase(stubs)}")
     if filled:
         than = length(options.opening) + (", or far smaller than most," * (preset.slicing.min_opening is None))
-        openings, verb = _counted(filled, "an opening", "openings"), "were" if filled > 1 else "was"
+        openings, verb = _count_phrase(filled, "an opening", "openings"), "were" if filled > 1 else "was"
         log.note("slicing", f"{openings} smaller than {than} {verb} filled")
     if merged:
-        openings = _counted(merged, "1 opening was", "openings were")
+        openings = _count_phrase(merged, "1 opening was", "openings were")
         log.note("slicing", f"{openings} narrower than the members beside: filled, so that these members merge")
     if bridged:
-        bridges = _counted(bridged, "a bridge was", "bridges were")
+        bridges = _count_phrase(bridged, "a bridge was", "bridges were")
         log.note("slicing", f"{bridges} built where openings are narrower than {length(options.neck)}")
     if spikes:
-        teeth = _counted(spikes, "a tooth of a member was", "teeth of members were")
+        teeth = _count_phrase(spikes, "a tooth of a member was", "teeth of members were")
         log.note("slicing", f"{teeth} cut off, because they projected into openings")
     if widened:
         least = length(preset.slicing.min_member or 0)
@@ -104,8 +104,8 @@ def filled_plate(
     return filling
 
 
-def _counted(count: int, one: str, several: str) -> str:
-    return f"{count} {several}" if count > 1 else one
+def _count_phrase(count: int, single: str, several: str) -> str:
+    return f"{count} {several}" if count > 1 else single
 
 
 def _fillet_message(radius: float, radii: Floats) -> str:
@@ -156,7 +156,7 @@ def _note_slicing(
         message = f"{len(loose)} of {len(all_pieces)} pieces reach no support and were {outcome} ({area:.3g} m2)"
         log.note("slicing", f"{message}{_one_family_hint(preset)}")
     if pinches:
-        contacts = _counted(pinches, "a point contact was", "point contacts were")
+        contacts = _count_phrase(pinches, "a point contact was", "point contacts were")
         log.note("slicing", f"{contacts} {'joined' if preset.slicing.pinch == 'join' else 'split'}")
     unsupported_loads = np.flatnonzero(load.loaded & (sheet.same_vertex() < 0))
     if lost:

@@ -99,7 +99,11 @@ def preset_toml(preset: Preset, for_people: bool = False) -> str:
         surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
     # shape keys come before supports and loads
     values["surface"] = {**{k: v for k, v in surface.items() if k not in SurfaceSection.model_fields}, **surface}
-    return _LIST.sub(_on_one_line, tomli_w.dumps(values))
+    return _short_lists(tomli_w.dumps(values))
+
+
+def _short_lists(text: str) -> str:
+    return _LIST.sub(_on_one_line, text)
 
 
 def _on_one_line(match: re.Match[str]) -> str:

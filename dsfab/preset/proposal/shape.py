@@ -130,7 +130,7 @@ class Edge:
         before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points
         long = lengths(before) * lengths(after) + 1e-12
         cosine = np.einsum("ki,ki->k", before, after) / long
-        plan = lengths(before[:, :2]) * lengths(after[:, :2])
+        plan = np.linalg.norm(before[:, :2], axis=1) * np.linalg.norm(after[:, :2], axis=1)
         in_plan = np.einsum("ki,ki->k", before[:, :2], after[:, :2]) / np.maximum(plan, 1e-12)
         cosine = np.where(plan > 0.25 * long, np.maximum(cosine, in_plan), cosine)
         corners = list[int]()
