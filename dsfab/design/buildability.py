@@ -25,7 +25,7 @@ NEVERTHELESS = "(statics.check = false builds the design nevertheless)"
 
 
 class Objection(NamedTuple):
-    """A sentence with a fault, its place and a remedy; `refuses` is True if the fault forbids to build the design."""
+    """A sentence with a fault, its place and a remedy; `refuses` is True if the design must not be built."""
 
     text: str
     refuses: bool = True

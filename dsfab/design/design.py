@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from dsfab.report.design.save import SavedDesign
 
 T = TypeVar("T")
-RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Names of their results.
+RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Result names by stage.
 
 
 @dataclass
@@ -326,8 +326,7 @@ class Design:
 
     @property
     def member_utilisation(self) -> "Utilisation":
-        """Forces in the members divided by their resistance, by the standard of the material (see
-        `dsfab.members.eurocode`).
+        """Forces in the members divided by their resistance, by the standard of the material.
         Raises StaticsError without a material and without a strength."""
         return self.cached_result("slicing", "member utilisation", self._member_utilisation)
 

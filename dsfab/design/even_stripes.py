@@ -145,7 +145,7 @@ def _directions(
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:
-        # tested on eight plates: at 1 edge crossings vanished, at 0.25 edges noise caused false crossings
+        # on eight plates, smoothing over 1 edge, or noise over 0.25 edges, joined faces across a crossing
         crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
         # smaller regions have no space for two members: with 1.6 instead of 2, four members of a floor had loose ends
         crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
@@ -170,7 +170,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) of vertices where the families exchange names; empty with guides or without symmetry."""
+    """Return a mask (n,) of vertices where the families exchange names; empty with guides, or if images differ."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -323,7 +323,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
-    """Return both families of lines, drawn again if their mean spacing (m) is off by over 5 %.
+    """Return both families of lines, drawn again if their mean spacing is off its requested value (m) by over 5 %.
     If it is still off by over 30 %, the lines are drawn without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]

@@ -60,8 +60,7 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
     """Return the smallest openings and the smallest necks of openings (m), or 0.
-    Smaller openings are filled, narrower necks bridged. Between even stripes a neck is about as wide as the thickness.
-    """
+    Smaller openings are filled, narrower necks bridged. By default a neck is about as wide as the thickness."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
@@ -100,8 +99,7 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 
 def usual_gap(thickness: float, size: float) -> float:
     """Return the default least width (m) of openings. size : diagonal of the surface's bounding box, metres.
-    The width is a quarter of the thickness, but at least 3 mm for a saw blade, or a 500th of the size of small designs.
-    """
+    It is a quarter of the thickness, but at least 3 mm for a saw blade, or a 500th of the size of small designs."""
     return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 

@@ -33,7 +33,7 @@ class MethodCandidate:
     preset  : preset without open choices.             choice  : choice of modes and phases that were `auto`.
     even    : evenly spaced stripes; None for modes.   sheet   : sheet after the cut; None if the trial failed.
     grading : (n, f) half-width of each vertex and family, relative to the largest; None without the rule `stressed`.
-    notes   : notes for the design.                    drawn   : stripes as built; None before."""
+    notes   : notes for the design.                    drawn   : the stripes as built, or None."""
 
     preset: Preset
     attempt: Attempt
@@ -78,8 +78,7 @@ def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes, along the forces of the stiffest sheet of varying thickness.
-    The gain is large if these forces differ from those of the uncut sheet: .87 times the compliance for a plate with a
-    hole."""
+    The gain is large if these forces differ from those of the uncut sheet: .87 times the compliance for a plate."""
     options = preset.pattern
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not _exchangeable(options.width) or options.is_steered:
@@ -124,8 +123,7 @@ def respaced_candidates(
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """Return the families without a given spacing, with `factor` times the default (two digits), and words for the
-    spacings.
+    """Return the families without a given spacing, with `factor` times the default, and words for the spacings.
     A family is left out if its spacing is under two mesh edges, because a member and an opening need an edge each."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:

@@ -250,8 +250,7 @@ tried for pairs with mode 1, else only the first phase.
 A shift hardly matters for higher modes, which rise and fall more often. On the cantilever these phases change the
 compliance by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, in all combinations: the first list if no mode is searched, the second list for one mode.
-"""
+"""Phases of the first round, in all combinations: the first list if no mode is searched, the second for one mode."""
 TOGETHER = ((1, 1), (-1, -1))  # Moves of both phases.
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Moves of one phase, and of both phases.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))

@@ -96,7 +96,7 @@ def _sheet_quality(
 
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
-    """Return the quality of a family, only with the dead ends that exist on the cut sheet.
+    """Return the quality of a family, with only those dead ends that exist on the cut sheet.
     An end does not count if its material was removed, or if its member continues, for example as a member of the other
     family around a singular point of the stress.
     reach      : metres; a dead end exists if material is nearer than this.
@@ -172,7 +172,7 @@ def roles_of_families(design: PatternedDesign) -> tuple[FamilyRole, FamilyRole]:
 
 
 def one_family_message(roles: tuple[FamilyRole, FamilyRole], families: str) -> str:
-    """Return a sentence about hoops or purlins that are drawn without the arches below them, or ''."""
+    """Return a sentence about hoops or purlins that are drawn without the arches that carry the loads, or ''."""
     drawn_role, omitted_role = sorted(roles, key=lambda role: role.key != families)
     if families == "both" or omitted_role.shape != "arches":
         return ""

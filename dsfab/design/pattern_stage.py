@@ -91,8 +91,7 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
-    """Return angles between principal directions of stresses (m, 3, 3), degrees: the mean and the 95 % quantile by
-    area.
+    """Return angles between principal directions of stresses (m, 3, 3), degrees: mean and 95 % quantile by area.
     The weight in the mean is the area times the difference of the principal stresses `before`. The quantile is that of
     the area with clear directions."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))

@@ -33,7 +33,7 @@ IMAGE_DIFFERENCE = 0.3
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
-    """Return the surface, cut along the outlines of the preset's regions, without its voids.
+    """Return the surface with cuts along the outlines of the preset's regions; voids are cut out.
     Raises SurfaceError for a region outside of the surface, and for voids that separate a support, a load or a piece of
     the surface from the supports."""
     regions, voids = preset.pattern.region, preset.pattern.voids
@@ -55,8 +55,8 @@ class Acting(NamedTuple):
 
 def acting_on(preset: Preset, surface: Surface) -> Acting:
     """Return the supports and the loads of a preset on its surface.
-    Pickers select vertices on the surface without voids, so the edge of an oculus is not a boundary. Raises
-    SurfaceError if all vertices of a picker are inside voids."""
+    Pickers select vertices before voids are cut out, so the edge of an oculus is not a boundary. Raises SurfaceError if
+    all vertices of a picker are inside voids."""
     section = preset.surface
     if not preset.pattern.voids:
         return Acting(section.support, section.load)
@@ -73,12 +73,12 @@ def acting_on(preset: Preset, surface: Surface) -> Acting:
 
 
 def whole_surface(preset: Preset, surface: Surface) -> Surface:
-    """Return the surface of a preset without voids."""
+    """Return the surface of a preset before its voids are cut out."""
     return _before_voids(preset, surface)[0] if preset.pattern.voids else surface
 
 
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
-    """Return the surface without voids, and for each vertex of `surface` (n,) its number there."""
+    """Return the surface before its voids are cut out, and the number (n,) there of each vertex of `surface`."""
     results = derived_results(surface)
     if _before_voids not in results:
         from dsfab.design.surface_and_statics import base_surface  # a circular import

@@ -174,7 +174,7 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
     """Return the supports of the uncut surface on a sheet that was cut from it, without a load.
-    Removed vertices take their springs with them. Edges inside a clamped edge of the uncut surface are clamped. Raises
+    Springs at removed vertices are lost. Edges inside a clamped edge of the uncut surface are clamped. Raises
     StaticsError if no supported vertex remains."""
     sheet_vertex = sheet.same_vertex()
     fixed = sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges))

@@ -188,8 +188,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
-    """Thicken the sheet: stage 6. Offsets follow the smooth normals of the uncut surface, and are interpolated on the
-    cells.
+    """Thicken the sheet: stage 6. Offsets follow the smooth normals of the uncut surface, interpolated on the cells.
     Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):

@@ -38,7 +38,7 @@ COUNTED = 2  # Sample points along each side of a face, for rough shares of mate
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
 """Factors on the approximate widths that decide which openings of crowded members close; smaller factors close fewer.
 If widths vary much, the closed openings alone may exceed the requested share."""
-SHARE_SNAP = 0.05  # Snap fraction for measuring cuts: the default of slicing.snap, which is a later section.
+SHARE_SNAP = 0.05  # Snap fraction for measuring cuts: the default of slicing.snap, whose section comes later.
 
 
 class WidthSearch(NamedTuple):
@@ -104,8 +104,7 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern. Kept regions come before stripes, because a layer does not cut the material of earlier
-    layers.
+    """Return the pattern. Kept regions come before stripes, because a layer does not cut earlier layers.
     preset  : preset with chosen modes and phases.    choice : choice of modes and phases, if they were `auto`.
     grading : (n, f) relative half-widths.    even : evenly spaced stripes; see `drawable_families`."""
     options, surface = preset.pattern, analysis.surface

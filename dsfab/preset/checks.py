@@ -48,7 +48,7 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
         hint = did_you_mean(str(detail["input"]), allowed)
         if allowed == ["auto"]:
             hint = f" or a number{hint}"
-    if kind == "string_pattern_mismatch" and ".-]" in detail["ctx"]["pattern"]:  # the pattern of a name
+    if kind == "string_pattern_mismatch" and ".-]" in detail["ctx"]["pattern"]:  # a name
         letters = "letters a to z, digits" if "A-Z" in detail["ctx"]["pattern"] else "letters, digits, spaces"
         return f"{key} = {_short_repr(detail['input'])}: use {letters} and the marks _ . - after a letter or digit"
     text = detail["msg"].removeprefix("Input ").replace("a valid tuple", "a list")

@@ -47,7 +47,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return the preset with new values at dotted keys. Raises PresetError as `load_preset`, or for no preset."""
+    """Return the preset with new values at dotted keys. Raises PresetError as `load_preset`, or without a preset."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # unchanged sections need no checks
@@ -86,7 +86,7 @@ def require_mesh(preset: Preset) -> None:
 
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset, defaults included, as TOML that builds the same design again.
-    The text has the name of a material, and those of its values that differ.
+    A material is written by its name, with the values that differ from those of the material.
     for_people : True to write the size of a mesh from Python in place of its numbers."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):

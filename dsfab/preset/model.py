@@ -55,7 +55,7 @@ from dsfab.surface import (
 )
 from dsfab.thickening import Extra, Side
 
-STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")  # In their order.
+STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")  # Stages in their order.
 
 
 class Statics(Section):
@@ -153,7 +153,7 @@ class Diffusion(Section):
     labelling: Labelling = "signed"
     """signed: major stripes follow the more tensile stress; magnitude: the stress of larger magnitude (the paper)."""
     isotropy: Annotated[float, Ge(0), Lt(1)] = ISOTROPY
-    """Largest difference of the principal stresses, as a share of the larger stress, at which a face is isotropic."""
+    """Largest difference of the principal stresses, divided by their root mean square, at which a face is isotropic."""
     modes: Annotated[int, Ge(1), Le(50)] = 5
     """Number of eigenmodes for each family."""
     follow: str | None = None
@@ -207,9 +207,8 @@ class Family(Section):
     """Stripes per unit of the mode; a mode has 0.5 to 3 units from end to end. 0: `spacing` replaces the frequency.
     Evenly spaced stripes have no frequency."""
     spacing: Annotated[float, Ge(0)] = 0.0
-    """Mean distance (m) between the centre lines of stripes. 0: `frequency` replaces the spacing. Default for evenly
-    spaced stripes: the side of a square of the surface's area, divided by 12, but at least the edge length of the mesh.
-    """
+    """Mean distance (m) between the centre lines of stripes. 0: `frequency` replaces the spacing. Default for
+    evenly spaced stripes: a twelfth of the root of the surface's area, but at least the edge length of its mesh."""
     phase: Phase = 0.0
     """Shift of the stripes, in periods. auto: the stiffest of several phases."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
@@ -250,9 +249,8 @@ class Width(Section):
     """[pattern.width]: width of the stripes of both families."""
 
     rule: Rule = "plain"
-    """plain: widths follow the thresholds (the paper). constant: equal widths in metres. graded: wider where the
-    stress is larger. stressed: graded, then cut, solved and widened repeatedly where the energy is largest; stiffest,
-    slowest."""
+    """plain: widths follow the thresholds (the paper). constant: equal widths in metres. graded: wider where the stress
+    is larger. stressed (stiffest, slowest): cut, solved and widened repeatedly where the energy is largest."""
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members for rule constant, metres. 0: dsfab computes the width from solid_fraction."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
@@ -442,14 +440,13 @@ class Slicing(Section):
     Default between evenly spaced stripes: 15 % of their spacing, for tidied stripes at most the thickness. Openings
     under 35 % of the usual size are filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
-    """Least width of openings with pattern.workshop, metres. Narrower openings are bridged; narrower tips are filled.
-    0: no limit. Default: a quarter of the thickness, or 3 mm if that is more (for small designs a 500th of their size).
+    """Least width of openings with pattern.workshop, metres. Narrower openings are bridged; narrower tips are
+    filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (for small designs a 500th of their size).
     """
     min_member: Annotated[float, Ge(0)] | None = None
     """Least width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop the limit
     applies to all members. Its default is then half of the thickness, or the limit of [pattern.width] if that is less.
-    Otherwise it applies to tidied stripes between openings with round corners, if also narrower than 0.8 usual widths.
-    """
+    Else it applies to tidied stripes between openings with round corners, if narrower than 0.8 usual widths."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -504,12 +501,12 @@ class Export(Section):
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"] = "auto"
-    """STEP: planar (flat or folded), of lines and splines, faceted, or tessellated (for viewers); members: curved, of
-    four-sided patches that CAD programs cut and measure well, else smooth, else faceted. smooth or compact: curved, of
-    few skins, the smallest file; cutting it in CAD often fails. auto: planar where possible, else by members up to 7000
-    faces, else smooth if it takes little time and OCCT cuts it, else faceted within step_faces, else smooth. quick: the
-    same, but by members for open surfaces alone, without cuts, and without the last, which may take minutes and fail.
-    """
+    """planar: flat or folded designs, of lines and splines. faceted: plane faces. tessellated: triangles for
+    viewers. members: curved patches with four sides that CAD programs cut and measure well, else smooth, else faceted.
+    smooth, compact: a few curved skins, the smallest file; cutting it in CAD often fails. auto: planar if possible,
+    else members up to 7000 faces, else smooth if it is fast and OCCT cuts it, else faceted within step_faces, else
+    smooth. quick: as auto, but members only for open surfaces, no cuts, and no smooth at the end, which may take
+    minutes and fail."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Largest error (m) of planar, smooth or simplified STEP. 0: a share of the thickness; none for faceted STEP."""
     step_mb: Annotated[float, Ge(0)] = 0.0

@@ -42,15 +42,13 @@ class Spread:
 class Competitor:
     """A structure under the design's loads, or the reason (`error`) why it is missing.
     variant         : name of the stiffest of several variants, such as "modes 1, 2".
-    area_fraction   : area divided by that of the surface; 1 for an uncut sheet.       mass : kg.     thickness :
-                      metres.
-    judgement       : None with an error.       pieces : number of the sheet's pieces.
+    area_fraction   : area divided by that of the surface; 1 for an uncut sheet.       mass : kg.
+    thickness       : metres.       pieces : number of the sheet's pieces.       judgement : None with an error.
     loose           : share of the material that reaches no support; the sheet is without this material.
     smallest_member : width in metres; None if the sheet has no measurable member.
     spread          : statistics of the variants; None for a single variant.
     seconds_made    : time to make all variants.     seconds : time to make and to judge all variants.
-    structure       : the judged structure, for drawings; with an error, a single variant without support for its loads.
-    """
+    structure       : the judged structure, or a single variant that failed under the loads; for drawings."""
 
     name: str
     variant: str = ""

@@ -46,8 +46,8 @@ if TYPE_CHECKING:
 Place = tuple[float, float, float]
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
 BUCKLED_CASES = 3
-"""Number of cases and combinations, those with the largest compression, whose buckling is computed. A standard gives up
-to 40 combinations, and each buckling analysis takes as long as a solve."""
+"""Number of cases and combinations for which buckling is computed: those with the largest compression. A standard gives
+up to 40 combinations, and each buckling analysis takes as long as a solve."""
 NARROW_RIB = 3.0
 """Ratio of mean rib width to thickness below which a bar has under 0.8 of the torsional stiffness of a strip of sheet
 (`torsion_share`). At a ratio of 2.2, a wall moved by 11 % more as a solid by CalculiX."""
@@ -85,8 +85,7 @@ class SupportForce:
     """Force of a support on the structure in a case.
     vertical   : newtons, positive if the support pushes upwards.    horizontal : newtons.
     direction  : of the horizontal force, degrees from the first horizontal axis (x) to the second (y).
-    thrust     : newtons, the sum of the sizes of the horizontal forces at all vertices, which may cancel out in a ring.
-    """
+    thrust     : newtons, the sum of the sizes of the horizontal forces at all vertices; in a ring they cancel out."""
 
     support: str
     case: str
@@ -284,13 +283,13 @@ def _most_used_by_code(statics: CutStatics) -> MemberUse:
     bay = int(use.order[0])
     check, case, station = use.governing(bay)
     axis, s = graph.by_id[use.bays.member[bay]].axis, use.bays.s[bay, station]
-    assert axis is not None  # because the member has bays
+    assert axis is not None  # members with bays have an axis
     place = axis.frames_at(np.array([s % axis.length if axis.closed else s]))[0][0]
     return MemberUse(use.bays.member[bay], float(use.largest[bay]), point_tuple(place), case, str(check))
 
 
 def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
-    """Return the forces of members, from section forces in each case; in combinations as sums."""
+    """Return the forces of members by case and combination, from the section forces in each case."""
     from dsfab.members.frame import member_forces
 
     factors, surface, sections = _factors(statics.design), statics.model.surface, {}
@@ -343,8 +342,8 @@ def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
     """Return the span (m) for the judgement of movements, and words for the span.
     The span is twice the largest distance of a vertex from the supports, measured across the direction of the load: in
     plan for snow, in height for wind on a wall. So a cantilever counts double, and a ring spans between its edges. For
-    a column below its load, the span is the largest distance itself, if that is longer. Weight defines the direction
-    only if it is the sole load, because the share of weight changes with the thickness."""
+    a column below its load, the span is the largest distance itself, if that is longer. Weight counts for the direction
+    only if it is the sole load, because its share of the load changes with the thickness."""
     net, V, parts = load.force.sum(axis=0), surface.V, load.parts
     if parts is not None and (parts.point.any() or parts.bare.any() or parts.covered.any()):
         net = net - surface.areas @ parts.weight

@@ -104,7 +104,7 @@ def comparison(
 ) -> Comparison:
     """Compare the compliance of the design's cut sheet with competitors of the same mass.
     against : names of `BASELINES`.     judge : judge of the design and the full sheet.
-    rival_judge : judge of each competitor's best variant by `quick`; default: `judge`.
+    rival_judge : judge of the competitors, for the best variant by `quick`; default: `judge`.
     refuse  : whether a design that does not carry its loads raises an error. If False, the comparison holds the error,
               and a design that cannot be cut has no competitors.
     Raises StaticsError if the design does not carry its loads, for instance a concentrated load on a loose piece.
@@ -218,7 +218,7 @@ def _smallest_member(structure: Structure) -> float | None:
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # of full checks; True: sheet solved in its plane
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # for full checks; True: sheet solved in its plane
 Level = Literal["quick", "full"]
 
 
@@ -273,7 +273,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
         whole_sheets = 1 + ("thinner" in names)
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
-        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # one core, two meshes
+        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core and two meshes
         if seconds > 60:
             reason = f"full checks of all would take about {seconds:.0f} s: cut competitors are judged by one solve"
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)

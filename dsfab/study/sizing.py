@@ -31,10 +31,9 @@ CLOSER = 0.75  # Factor on the spacing of members if more material does not suff
 @dataclass(frozen=True)
 class SizingTrial:
     """A tried thickness (m), and figures of the cut sheet as in `Carrying`.
-    share    : of the surface that is material.        movement : divided by the span.        buckling : inf without
-               one.
+    share    : of the surface that is material.     movement : divided by the span.     buckling : inf if unknown.
     utilisation : None if it was not needed for the choice.
-    excess   : by target, the figure divided by its limit, or the limit by the figure; the target is met up to 1.
+    excess   : by target, the figure divided by its limit, or the limit by the figure; up to 1 the target is met.
     is_final : true if the design was cut with this thickness, false for the cut of another thickness."""
 
     thickness: float
@@ -65,9 +64,8 @@ class SizingTrial:
 
 @dataclass(frozen=True)
 class SizingResult:
-    """The trials behind a design; the last trial is that of the design. stock : words for the origin of the
-    thicknesses.
-    changes : changed values of the pattern, by dotted key, without which no thickness suffices."""
+    """The trials behind a design; the last trial is that of the design.
+    stock : words for the origin of the thicknesses.     changes : changed values of the pattern, by dotted key."""
 
     trials: tuple[SizingTrial, ...]
     stock: str
@@ -79,9 +77,8 @@ class SizingResult:
         return self.trials[-1].worst <= 1
 
     def lines(self, every: bool = False) -> Iterator[str]:
-        """Yield a table of the trials, then remarks. every : True for all thicknesses, False for those next to the
-        chosen one.
-        If several patterns were tried, the short table has one thickness of each."""
+        """Yield a table of the trials, then remarks. The short table has the thicknesses next to the chosen one, or
+        one for each pattern. every : True for all thicknesses."""
         thickness, stock = self.trials[-1].thickness, sorted({trial.thickness for trial in self.trials})
         k = stock.index(thickness)
         shown = stock[max(0, k - 1) : k + 1] if len(self.trials) <= len(stock) + OWN_CUTS else [thickness]
@@ -141,9 +138,8 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
 
     The cut sheet of a first guess is solved at two thicknesses, which gives the figures of the whole stock. The design
     is then cut with the thinnest sufficient thickness, and solved again. If it misses a target, the next thickness
-    follows; if a thinner sheet would suffice, the next thinner one. If no thickness suffices, the pattern gets more
-    material, then also a smaller spacing. If this does not suffice, the best trial is returned. `sizing_result` has the
-    trials.
+    follows; if a thinner sheet may suffice, the next thinner one follows. If no thickness suffices, the pattern gets
+    more material, then also a smaller spacing. If this does not suffice, the best trial is returned.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
     guess = guessed_preset(preset)
@@ -183,7 +179,7 @@ def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
     """Return trials of designs that are cut with their own thickness, and the thinnest sufficient design; its trial is
-    the last. Wider members and larger fillets may make a thinner sheet sufficient than the rows say."""
+    the last. With wider members and larger fillets, a thinner sheet may suffice than on the first cut."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     start = next((k for k, row in enumerate(rows.trials) if row.worst <= 1), count)
     k = bisect_left(range(count), True, lo=start, key=lambda k: rows.full_trial(k).worst <= 1)

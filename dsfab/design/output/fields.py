@@ -36,7 +36,7 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
 
 
 def stripe_phase(design: Design, k: int) -> Phase:
-    """Return the phase of field k, an integer on the centre lines of its stripes; None for a field without stripes.
+    """Return the phase of field k, which is an integer on centre lines; None for a field without stripes.
     The phase is given at the vertices (n,), or at the corners of faces if vertices have several values."""
     pattern = design.pattern
     field = pattern.fields[k]

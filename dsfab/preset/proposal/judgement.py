@@ -236,8 +236,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
     """Return judged readings, the best first. Statics can only lower the score that the form gives, so readings
-    with a low form are not judged: on another axis those that cannot be rivals, on the same axis all below the best
-    four."""
+    with a low form are not judged: those that cannot be rivals, or cannot be among the best four."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form

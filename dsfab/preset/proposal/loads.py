@@ -26,8 +26,7 @@ AROUND = 0.3  # A wall is a tower if its horizontal area vectors add up to less 
 @dataclass(frozen=True)
 class MeshWishes:
     """The user's choices for a surface, in place of dsfab's own choices.
-    stand    : word of a reading (feet, loops, edge ...), or a height (m) below which the edge is supported; "" for
-               none.
+    stand    : word of a reading (feet, loops, edge ...), or a height (m) below which the edge is supported; or "".
     built_in : true if the supports are clamped.
     loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2"."""
 

@@ -1,4 +1,4 @@
-"""Reads the user's mesh in metres with z up, and decides on its unit, vertical axis and repairs."""
+"""Reading of the user's mesh in metres with z up, and the decisions about its unit, vertical axis and repairs."""
 
 import re
 import unicodedata

@@ -158,7 +158,7 @@ def _walls(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _masts(shape: Shape) -> list[Edge]:
-    """Return the small upper edges of a tent: its outer edge curves inwards between the corners, as along cables."""
+    """Return the small upper edges of a tent, whose outer edge curves inwards between the corners; else empty."""
     is_tent = 3 <= len(shape.corners) <= 8 and is_scalloped(shape.edges[0], shape.corners)
     return [edge for edge in shape.small if is_tent and shape.neck(edge)[2] < -2 * NECK]
 

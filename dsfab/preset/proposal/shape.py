@@ -123,8 +123,7 @@ class Edge:
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
     def corners(self, arm: float) -> list[int]:
-        """Return the points with the largest turns of a closed edge, `CORNER` or more, measured over an `arm` (m) on
-        each side.
+        """Return the points with the largest turns of a closed edge, `CORNER` or more, over an `arm` (m) on each side.
         Ups and downs along a straight line in plan, as on a folded roof, give no corners."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
         before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points

@@ -51,10 +51,9 @@ class Sizes:
         """Return the sizes for a surface on feet (k, 3): thicker if the span far exceeds the shorter side of the plan.
 
         The span is twice the distance in plan from the feet to the farthest vertex. If the span of a roof is far
-        smaller
-        than the shorter side, as around a courtyard, all sizes follow the span. If the span is far larger, the spacing
-        grows,
-        and the thickness is 1.1 times that for the geometric mean of span and side, because clamped ends bend most.
+        smaller than the shorter side, as around a courtyard, all sizes follow the span. If the span is far larger, the
+        spacing grows, and the thickness is 1.1 times that for the geometric mean of span and side, because clamped ends
+        bend most.
 
         Buckling load factors of uncut steel sheets: a footbridge of 3 m x 30 m has 1.6 with 15 mm (the usual thickness
         for 3 m), 8.5 with 40 mm, 11.6 with 80 mm; a roof of 12 m x 24 m has 13 with 60 mm, 56 with 130 mm. An arched

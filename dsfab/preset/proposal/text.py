@@ -23,8 +23,7 @@ SHARE = 0.45  # Share of the surface that stays material.
 class ProposedValues:
     """Values of a proposed preset.
     stands   : the supports.    built_in : true if the supports are clamped.
-    loads    : pressures (Pa) of the loads by name, without the weight.    marks : marks in the user's file, by layer.
-    """
+    loads    : pressures (Pa) of the loads by name, without the weight.    marks : marks in the file, by layer."""
 
     size: Sizes
     stands: tuple[SupportPlace, ...]

@@ -41,8 +41,8 @@ from dsfab.surface.fields import voronoi_mass
 class ComparisonTask:
     """Common input of all competitors of a design.
     preset    : with the modes and phases of the design.    area : of the material, m2.
-    frequency : of the major and the minor stripes. For evenly spaced stripes, the frequencies with which stripes on the
-                first mode have the same mean distance.
+    frequency : of the major and the minor stripes; for evenly spaced stripes, that of stripes on the first mode with
+                the same spacing.
     even      : evenly spaced stripes of the design; None for stripes on modes."""
 
     preset: Preset
@@ -335,7 +335,7 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return the two unit axes (2, 3) along which the surface is longest; of equal ones, supports and loads choose."""
+    """Return the two unit axes (2, 3) along which the surface is longest; supports and loads settle ties."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()

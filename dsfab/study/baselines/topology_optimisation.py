@@ -1,4 +1,4 @@
-"""Topology optimisation by density (SIMP) on a triangle mesh, and the competitor from the densities."""
+"""Topology optimisation by density (SIMP) on a triangle mesh, and a competitor made from the densities."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -86,8 +86,7 @@ class Simp:
 class Densities:
     """Result of SIMP.
     density : (m,) 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
-    history : (iterations,) compliance (J) before each iteration, of a sheet with grey densities that cannot be built.
-    """
+    history : (iterations,) compliance (J) before each iteration; a sheet with grey densities cannot be built."""
 
     density: Floats
     history: Floats

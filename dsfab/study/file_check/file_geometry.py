@@ -240,8 +240,7 @@ class Distance:
 @dataclass(frozen=True, eq=False)
 class Allowance:
     """Allowed distance between a file's solid and a design's solid.
-    flat   : metres, everywhere.     limits : additional limits on curved faces; None for a file without curved faces.
-    """
+    flat   : metres, everywhere.     limits : additional limits on curved faces; None without curved faces."""
 
     flat: float
     limits: SmoothLimits | None = None
@@ -258,7 +257,7 @@ class Allowance:
         try:
             curved = curved_design(design)
             limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * step_tolerance)
-        except ExportError:  # without a smooth sheet
+        except ExportError:  # the design has no smooth sheet
             limits = None
         return cls(flat + contents.deflection, limits)
 
@@ -296,7 +295,7 @@ def _farthest(
     P = np.concatenate([V, V[F].mean(axis=1)])
     offsets = nearest_places(P, onto_V, onto_F).distance
     k = int(offsets.argmax())
-    candidates = np.flatnonzero(offsets > allowed.flat)  # where the chord error matters
+    candidates = np.flatnonzero(offsets > allowed.flat)  # only these need the chord error
     candidates = candidates if len(candidates) else np.array([k])
     permitted = allowed.at_points(P[candidates])
     worst = int((offsets[candidates] - permitted).argmax())

@@ -269,16 +269,14 @@ class SupportPoints:
     shift: int
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
-        """Return the matrix (3 k, N) from the unknowns to the mean displacements through the thickness at places (k,
-        3).
+        """Return the matrix (3 k, N) from the unknowns to the mean displacements through the thickness at k places.
         Three Gauss points are symmetric about the middle, so a force on the mean has no moment."""
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
         """Return the matrix (r, N) from the unknowns to rotations at `samples` of the marked edges.
-        A rotation is the displacement, perpendicular to the edge, of the upper Gauss point relative to the lower one.
-        """
+        A rotation is the displacement, across the edge, of the upper Gauss point relative to the lower one."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)

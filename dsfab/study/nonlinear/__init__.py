@@ -11,7 +11,7 @@ from dsfab.design import Design, Progress, loads_on, silent
 from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
-CANDIDATE, JUMP = 10.0, 5.0  # least displacement per load in a snap, divided by that of the first and previous step
+CANDIDATE, JUMP = 10.0, 5.0  # least displacement per load in a snap over that of the first step, of the previous step
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def nonlinear_check(
     case         : case or combination; default: the first combination, or else the first case.
     imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
     edge         : edge length (m) of the surface that is cut for the check, or 0: see `without_fillets`.
-    Raises StaticsError for springs, a time of 0, loads without support, and without CalculiX or if it fails."""
+    Raises StaticsError for springs, a time of 0, loads without support, and if CalculiX is missing or fails."""
     if not minutes > 0:
         raise StaticsError(f"a time limit of {minutes:g} minutes is too short for CalculiX; give --minutes 60, or more")
     require_ccx()
@@ -95,8 +95,8 @@ def nonlinear_check(
 def without_fillets(design: Design, edge: float | None, progress: Progress) -> Design:
     """Return the design with sharp corners of openings. Fillets have half of a dome's triangles, but change linear
     buckling by 0.4 % only.
-    edge : edge length (m) of the cut surface if the design's edges are shorter; 0 returns the design itself. The mesh
-           of a file without remeshing stays.
+    edge : edge length (m) of the cut surface if the design's edges are shorter; 0 returns the design itself. A mesh
+           that is used as in its file stays.
     Raises StaticsError for an edge that is negative or longer than the surface."""
     if edge is not None and not 0 <= edge < design.surface.size:
         raise StaticsError(

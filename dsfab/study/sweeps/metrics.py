@@ -182,7 +182,9 @@ METRICS: dict[str, Metric] = {
     "over_isotropic": lambda design: _ratio_to_alternative(design, "isotropic"),
 }
 """Metrics of a sweep in SI units, as functions of a Design; `ABOUT` describes their accuracy."""
-BASIC = ("area", "kept_share", "volume", "mass", "pieces", "genus", "compliance_uncut")  # Default, without solves.
+BASIC = ("area", "kept_share", "volume", "mass", "pieces", "genus", "compliance_uncut")
+"""Default metrics of `dsfab.sweep`, which need no further solve."""
+
 Better = Literal["less", "more", ""]
 
 

@@ -25,7 +25,7 @@ from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
-"""Function that draws a design as the bytes of a PNG file; `dsfab.app` passes it, because only apps draw."""
+"""Function that draws a design as the bytes of a PNG file; only `dsfab.app` can draw, and passes the function."""
 
 
 @dataclass(frozen=True)
@@ -188,8 +188,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class LocalWorkers:
-    """Processes on this machine. Each worker is a pool of one process, so that a killed worker does not stop the
-    others.
+    """Processes on this machine. Each worker is a pool of one process, so that a killed worker stops no other worker.
     workers : number of workers; default: as many as fit into memory, by the peak memory of finished runs."""
 
     def __init__(self, job: Job, workers: int | None = None) -> None:

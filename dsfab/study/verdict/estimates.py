@@ -28,7 +28,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
     """Return the compliance and its bound from the compliances by quadratic + hhj on successive meshes. Each mesh has
     four times the triangles of the previous mesh.
     spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. About half of it
-               remains after each refinement; measuring it on finer meshes would take half of the time in addition.
+               remains after each refinement. Measuring it on finer meshes would add half of the solution time.
     recovery : ZZ error of the finest mesh.
 
     With three meshes, the value is the mean of two extrapolations: with `EXTRAPOLATION_DIVISOR`, and with the ratio of
@@ -106,8 +106,8 @@ REENTRANT_ANGLE = np.radians(30)  # least inward turn of the border at a reentra
 @dataclass(frozen=True)
 class Extreme:
     """Largest `value` of a quantity, its `place` (m), and its 99 % quantile by area.
-    away : largest value at over a rib's width from corners, where stress peaks grow with refinement; None if no face is
-           so far away, or for quantities without peaks."""
+    away : largest value farther than a rib's width from corners, where stress peaks grow with refinement; None if no
+           face is so far away, or for quantities without peaks."""
 
     value: float
     place: tuple[float, float, float]
@@ -121,8 +121,7 @@ class Extreme:
 
 
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
-    """Return extremes (Pa) of `stress` (von Mises), `tension` (largest principal) and `compression` (-smallest
-    principal).
+    """Return extremes (Pa) of `stress` (von Mises), `tension` and `compression` (principal stresses).
     Each is the largest of both sides and the middle of the sheet, at least 0. supported : (n,) mask of vertices."""
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {

@@ -151,7 +151,7 @@ BYTES_PER_UNKNOWN = {
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
 }
 """Memory of a solve per unknown, by solver and bending element, measured at 0.3 to 3.3 million unknowns. PARDISO stores
-half of a symmetric factor and needs no input then: 1.2 million unknowns take 2.7 GB instead of 4.9 GB."""
+half of a symmetric factor, after its input is freed: 1.2 million unknowns take 2.7 GB instead of 4.9 GB."""
 
 
 @dataclass(frozen=True)
@@ -160,13 +160,12 @@ class Level:
     triangles  : number of triangles.      unknowns : number for the main pair; a plane sheet has no bending unknowns.
     compliance : J, by the main pair, for each case.
     midedge    : J, by `SPREAD_ELEMENTS`, for each case; empty if this pair was not solved.
-    zz_membrane, zz_bending : main pair's squared error of the recovered stress for each case, divided by the
-    compliance [Zienkiewicz and Zhu 1987].
+    zz_membrane, zz_bending : squared error of the main pair's recovered stress [Zienkiewicz and Zhu 1987] for each
+                 case, divided by the compliance.
     residual   : largest relative residual of all cases and pairs, in the energy norm (see `Equilibrium`).
     seconds    : time of both pairs.       memory     : bytes, the peak of the process so far.
     stresses   : main pair's stresses for each case, see `stress_extremes`.
-    softer     : main pair's softening for each case, see `RibSoftening`; empty for a plane sheet, or if not requested.
-    """
+    softer     : main pair's softening for each case; empty for a plane sheet, or if not requested."""
 
     triangles: int
     unknowns: int
@@ -195,7 +194,7 @@ def level(
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
     answers_by_pair, model = {}, material.model_for(surface)
-    for pair in pairs[:1] if plane else pairs:  # in a plane both pairs are equal
+    for pair in pairs[:1] if plane else pairs:  # in a plane, both pairs are the same
         elements = pair.in_plane if plane else pair
         K = sheet_stiffness(model, elements)
         answers = equilibria(surface, K, list(loads.values()), elements, spreads=list(spreads.values()))
