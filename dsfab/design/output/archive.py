@@ -39,7 +39,7 @@ def field_arrays(key: str, field: Field) -> Arrays:
     if not isinstance(field, CornerField):
         return {key: field}
     integers = {f"{key}_{name}": _rounded_integers(getattr(field, name)) for name in ("sign", "shift")}
-    arrays = {key: field.x, **integers, f"{key}_blank": field.blank}
+    arrays: Arrays = {key: field.x, **integers, f"{key}_blank": field.blank}
     return arrays if field.wanted is None else {**arrays, f"{key}_wanted": field.wanted}
 
 
