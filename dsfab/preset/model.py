@@ -309,11 +309,10 @@ class Pattern(Section):
     """[pattern]: the two families of stripes, and parts that stay material."""
 
     method: Method = "modes"
-    """modes: stripes on eigenmodes (the paper). stripes: evenly spaced stripes along the stress, `spacing` metres
-    apart.
-    auto: the stiffest pattern without dead ends and slits. auto compares both methods, with and without halving. For
-    constant or graded widths it compares both rules, and q with half of q. For stressed widths it compares the best
-    design of each method. If the preset sets no spacing, auto also compares several spacings."""
+    """modes: stripes on eigenmodes (the paper). stripes: evenly spaced stripes along the stress. auto: the stiffest
+    pattern without dead ends and slits. auto compares both methods, with and without halving. For constant or graded
+    widths it compares both rules, and q with half of q. For stressed widths it compares the best design of each method.
+    If the preset sets no spacing, auto also compares several spacings."""
     halve: bool = True
     """For stripes: end every second stripe on a crossing member where stripes crowd. false: no stripe ends there."""
     families: Literal["both", "major", "minor"] = "both"
@@ -441,8 +440,7 @@ class Slicing(Section):
     under 35 % of the usual size are filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Least width of openings with pattern.workshop, metres. Narrower openings are bridged; narrower tips are
-    filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (for small designs a 500th of their size).
-    """
+    filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
     """Least width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop the limit
     applies to all members. Its default is then half of the thickness, or the limit of [pattern.width] if that is less.
@@ -553,8 +551,8 @@ class Preset(Section):
         surface : a mesh of trimesh, pyvista, compas, in metres (else `Surface.of(mesh, "mm")`); a `Surface`; (V, F):
                   vertices (n, 3), metres, and faces; the path of a mesh file; the section of another preset; or its
                   keys as in TOML, and `mesh` for one of these: {"mesh": mesh, "refine": 0.2}.
-        supports, loads, combinations : of the surface, in place of its own: `dsfab.Support(...)`, `dsfab.Snow(...)`,
-                  or their keys as in TOML.
+        supports, loads, combinations : replace those of `surface`; as `dsfab.Support(...)`, `dsfab.Snow(...)`, or as
+        keys in TOML.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
         Raises PresetError that lists every mistake with its key in TOML; SurfaceError for an invalid mesh."""
         surface_lists = {"support": supports, "load": loads, "combination": combinations}

@@ -159,7 +159,7 @@ class CheckModel:
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
     """Return the model of a preset's uncut surface, with a step for each case and combination.
-    Elements are S6 shells, or CPS6 for a flat surface that is loaded in its plane. Raises DsfabError."""
+    Elements: S6 shells, or CPS6 for a flat surface loaded in its plane. Raises DsfabError if a stage fails."""
     log = Log(progress)
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)

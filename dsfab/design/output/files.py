@@ -178,9 +178,9 @@ def _seam(surface: Surface) -> Bools:
 
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
     """Write one file in the format of the suffix of `path`, and read it back as a check; return the path.
-    The file of a design has the same bytes as from `dsfab build` and `dsfab export`. It contains the solid with edges
-    and facts, the lines of the sheet, or the fields of the uncut surface, as the format allows. The file of a solid, a
-    sheet or a surface contains only its mesh. `options` of `dsfab.export.write` replace those of the preset.
+    The file of a design has the same bytes as the file of `dsfab build` or `dsfab export`. It contains the solid with
+    edges and facts, the lines of the sheet, or the fields of the uncut surface, as the format allows. The file of a
+    solid, a sheet or a surface contains only its mesh. `options` of `dsfab.export.write` replace those of the preset.
     Raises ExportError as `dsfab.export.write`."""
     if not isinstance(item, Design):
         return written(item.surface if isinstance(item, Sheet) else item, path, **options)

@@ -159,7 +159,7 @@ class Workers(Protocol):
 
 
 class OneWorker:
-    """Workers of which only the first works. All others are stopped, so that it can use the whole memory."""
+    """Workers of which only the first works. All others are stopped, so that the first can use the whole memory."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew
