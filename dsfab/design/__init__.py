@@ -1,4 +1,4 @@
-"""Stages of a design: `run` computes a preset; `revise` repeats a design from its first changed section."""
+"""Stages of a design: `run` computes a preset; `revise` computes a design again from its first changed section."""
 
 from dsfab.design.buildability import refusal
 from dsfab.design.design import Design
@@ -16,7 +16,7 @@ __all__ = [
 ]  # fmt: skip
 
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening")
-"""Rows of the timing table of a run: those of the paper's Table 2, followed by stages that the paper lacks."""
+"""Rows of the timing table: those of the paper's Table 2, followed by further stages."""
 
 
 def run(preset: Preset, progress: Progress | None = None) -> Design:
@@ -25,12 +25,12 @@ def run(preset: Preset, progress: Progress | None = None) -> Design:
 
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
-    """Return the design of `preset`, and reuse each stage of `design` before the first section that differs.
-    A change of [pattern] repeats neither statics nor diffusion. A change of `gamma` or `r` does not repeat statics."""
+    """Return the design of `preset`; stages of `design` before the first section that differs are not computed again.
+    So a change of [pattern] keeps statics and diffusion, and a change of `gamma` or `r` keeps the statics."""
     return Design.from_preset(preset, design, progress).until("thickening")
 
 
 def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
-    """Run the stages up to the pattern, without a cut; reuse stages of `earlier` before the first section that differs.
+    """Run the stages up to the pattern, without a cut. earlier : design whose unchanged first stages are used again.
     Raises the DsfabError of the stage that fails."""
     return Design.from_preset(preset, earlier, progress).until("pattern")

@@ -1,4 +1,4 @@
-"""Objections to a design that its statics show before the surface is cut."""
+"""Objections to a design, found by its statics before the surface is cut."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -51,12 +51,12 @@ def require_buildable(preset: Preset, statics: StaticsResult) -> None:
 
 
 def refusal(preset: Preset, statics: StaticsResult) -> str:
-    """Return the most serious objection to a sheet; empty without objections, and if `statics.check` is false."""
+    """Return the most serious objection to a sheet; '' without objections, and if `statics.check` is false."""
     return f"{statics.objections[0]} {NEVERTHELESS}" if preset.statics.check and statics.objections else ""
 
 
 def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
-    """Return a sentence for each point of a support or load that is too far from the nearest vertex.
+    """Return a sentence for each support or load at a point too far from the nearest vertex.
     Raises SurfaceError with the first sentence, unless `statics.check` is false."""
     section, messages, surface = preset.surface, [], whole_surface(preset, surface)
     names = [*support_names(section.support), *load_names(section.load)]
@@ -75,7 +75,7 @@ def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
 
 
 def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """Yield an objection to displacements too large for linear statics; the load or a unit may be wrong."""
+    """Yield an objection to displacements that are too large for linear statics."""
     worst = max(cases, key=lambda name: cases[name].equilibrium.largest_displacement)
     answer, span = cases[worst].equilibrium, float(np.ptp(surface.V, axis=0).max())
     if answer.largest_displacement > LARGEST_MOVE * span:
@@ -116,7 +116,7 @@ def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
 
 
 def _past_faces(acting: Acting, surface: Surface, weight: float) -> Iterator[Objection]:
-    """Yield an objection to snow or wind almost parallel to all of its faces, for example snow on a wall."""
+    """Yield an objection to snow or wind that is almost parallel to all loaded faces, for example snow on a wall."""
     climate = [load for load in acting.load if isinstance(load, Snow | Wind)]
     for load, entry in zip(climate, load_entries(surface, climate, weight), strict=True):
         if entry.total < LEAST_LOAD_SHARE * load.pressure * entry.area:

@@ -1,4 +1,4 @@
-"""The class `Design`: a preset and the results of its stages, which are computed on first access."""
+"""The class `Design`: a preset, and the results of its stages, computed on first access."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -44,10 +44,7 @@ if TYPE_CHECKING:
     from dsfab.report.design.save import SavedDesign
 
 T = TypeVar("T")
-
-
-RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}
-"""Names of the results of a stage, where they differ from the name of the stage."""
+RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Result names by stage.
 
 
 @dataclass
@@ -55,10 +52,10 @@ class StageResults:
     """The results of one design by name, each computed once.
 
     results : results of the stages. A revision shares those of the stages before its first changed section.
-    derived : values that follow from a stage, each with the stage's name. A revision shares them like results. A
-              pickled design omits them, because another process can compute them again.
-    inputs  : large intermediate results, each with the name of the one later stage that needs it. They exist until
-              this stage has its result; revisions and pickled designs omit them."""
+    derived : values computed from the results up to a stage, each with the name of this stage. A revision shares these
+              values like results. A pickled design omits them.
+    inputs  : large intermediate values, each with the name of the stage that needs it. They are deleted when this stage
+              has its result; revisions and pickled designs omit them."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)
@@ -69,7 +66,7 @@ class StageResults:
         return any(name in self.results for name in RESULT_NAMES.get(stage, (stage,)))
 
     def result(self, name: str, compute: Callable[[], T]) -> T:
-        """Return the result `name`, computed on first access; its stage then drops its inputs."""
+        """Return the result `name`, computed on first access; then delete the inputs of its stage."""
         if name not in self.results:
             self.results[name] = compute()
             for key in [key for key, (stage, _) in self.inputs.items() if stage == name]:
@@ -78,15 +75,15 @@ class StageResults:
         return result
 
     def replace(self, name: str, value: Any) -> None:
-        """Replace a result, for example by one without the parts that later stages do not need."""
+        """Replace a result, for example to omit parts that later stages do not need."""
         self.results[name] = value
 
     def derived_value(self, stage: str, name: str, compute: Callable[[], T]) -> T:
-        """Return a value that follows from the results up to `stage`, computed on first access."""
+        """Return a value that depends on the results up to `stage`, computed on first access."""
         return _computed_once(self.derived, stage, name, compute)
 
     def input_of(self, stage: str, name: str, compute: Callable[[], T]) -> T:
-        """Return an input of `stage`, computed on first access and held until that stage has its result."""
+        """Return an input of `stage`, computed on first access and kept until the stage has its result."""
         return _computed_once(self.inputs, stage, name, compute)
 
     def existing_value(self, name: str) -> Any:
@@ -117,8 +114,8 @@ def _computed_once(held: dict[str, tuple[str, Any]], stage: str, name: str, comp
 @dataclass(frozen=True, eq=False, repr=False)
 class Design:
     """A preset and the results of its stages, computed on first access and held in `StageResults`.
-    surface, statics, diffusion, pattern, slicing and solid raise the DsfabError of their stage. `dsfab.run`
-    computes all of them, `dsfab.design.draft` the stages before the cut; `dsfab.revise` returns a changed design."""
+    surface, statics, diffusion, pattern, slicing and solid raise the DsfabError of their stage. `dsfab.run` computes
+    all results, `dsfab.design.draft` those before the cut. `dsfab.revise` returns a changed design."""
 
     preset: Preset
     _log: Log = field(default_factory=lambda: Log(None))
@@ -126,9 +123,8 @@ class Design:
 
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
-        """Return a design that only has the results of `earlier` before the first section that differs.
-        Raises PresetError for an argument that is not a preset, for example a mesh; the message lists the missing keys.
-        """
+        """Return a design that shares the results of `earlier` before the first section that differs.
+        Raises PresetError for an object that is not a preset, for example a mesh, and for an open thickness."""
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
         if not preset.statics.is_sized:
@@ -148,12 +144,12 @@ class Design:
 
     @classmethod
     def from_results(cls, preset: Preset, log: Log | None = None, **results: Any) -> "Design":
-        """Return a design with given results, by the names of its attributes.
+        """Return a design with existing results, by the names of its attributes.
         log : receives the seconds and notes of the stages that are computed later."""
         return cls(preset, log or Log(None), StageResults(results))
 
     def until(self, stage: str) -> Self:
-        """Compute every stage up to `stage`, and return the design; raises the DsfabError of a stage that fails."""
+        """Compute all stages up to `stage` and return the design. Raises the DsfabError of a stage that fails."""
         before = STAGES[: STAGES.index(stage) + 1]
         for name in before:
             getattr(self, RESULT_NAMES.get(name, (name,))[0])
@@ -162,15 +158,15 @@ class Design:
         return self
 
     def has(self, stage: str) -> bool:
-        """Return whether the results of a stage exist already."""
+        """Return True if the result of a stage exists."""
         return self._results.has(stage)
 
     def cached_result(self, stage: str, name: str, make: Callable[[], T]) -> T:
-        """Memoise `make()` under `name`. A revision keeps the result if only stages after `stage` changed."""
+        """Return `make()`, computed once under `name`. A revision keeps it if only stages after `stage` changed."""
         return self._results.derived_value(stage, name, make)
 
     def existing_result(self, name: str) -> Any:
-        """Return a memoised result of `cached_result` if it exists, else None."""
+        """Return a value of `cached_result` if it exists, else None."""
         return self._results.existing_value(name)
 
     def write(self, path: str | Path, **options: Any) -> Path:
@@ -186,7 +182,7 @@ class Design:
         return save(self, folder, **options)
 
     def to_build123d(self) -> "build123d.Shape":
-        """Return the shape of `write("x.step")` for build123d, millimetres; its faces are smooth where possible."""
+        """Return the shape of `write("x.step")` for build123d, millimetres; its faces are smooth if possible."""
         from dsfab.design.output import to_build123d
 
         return to_build123d(self)
@@ -234,7 +230,7 @@ class Design:
         return pattern_stage(self.preset, self.analysis, self._log, self._stripe_method(self.analysis))
 
     def _stripe_method(self, analysis: StressedSurface) -> ChosenMethod:
-        """Return the method and centre lines of the stripes, computed once for both the sketch and the pattern."""
+        """Return the method and centre lines of the stripes; sketch and pattern share them."""
         return self._results.input_of("pattern", "method", lambda: self._chosen_method(analysis))
 
     def _chosen_method(self, analysis: StressedSurface) -> ChosenMethod:
@@ -246,8 +242,8 @@ class Design:
         return chosen_method(self.preset, analysis, self._log, self._results.existing_input("earlier stripes"))
 
     def _rough_design(self) -> "Design | None":
-        """Return a design with rough statics and its own log, for a sketch before accurate elements are solved.
-        None if the accurate statics exist already, or if rough statics save no time."""
+        """Return a design with rough statics, for a sketch before accurate elements are solved.
+        None if the accurate statics exist, or if rough statics save no time."""
         if self.has("statics"):
             return None
         return self._results.input_of("pattern", "rough design", self._design_with_rough_statics)
@@ -266,10 +262,10 @@ class Design:
     def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
         """Return a design with an approximate pattern in a tenth of the time, for a first picture.
 
-        modes   : False to skip modes that evenly spaced stripes do not use.
-        answers : True for the stress and energy of the design, False for rough values.
+        modes   : False to skip the modes if stripes are evenly spaced.
+        answers : True for accurate stress and energy, False for rough values.
 
-        None if no approximate widths give the requested share of material; then `pattern` raises the reason.
+        Return None if no approximate widths give the requested share of material; `pattern` then raises the reason.
         Raises the DsfabError of the stage that fails."""
         if answers:
             _ = self.statics
@@ -294,7 +290,7 @@ class Design:
     def _slicing(self) -> SlicingResult:
         require_buildable(self.preset, self.statics)
         result = slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
-        if self.pattern.trial is not None:  # the trial is large, and no later stage uses it
+        if self.pattern.trial is not None:  # large, and not needed by later stages
             self._results.replace("pattern", replace(self.pattern, trial=None))
         return result
 
@@ -306,14 +302,14 @@ class Design:
     @property
     def members(self) -> "MemberGraph":
         """The members of the sheet, with names, and the nodes between members."""
-        from dsfab.members import member_graph  # slow to import, and few designs need members
+        from dsfab.members import member_graph  # this import is slow
 
         return self.cached_result("slicing", "members", lambda: member_graph(self.surface, self.sheet, self.pattern))
 
     @property
     def frame(self) -> "Frame":
         """The members as beams between nodes, with supports and loads.
-        Raises StaticsError if no member has an axis, or if the sheet lost a load."""
+        Raises StaticsError if no member has an axis, or if a load has no support."""
         return self.cached_result("slicing", "frame", self._frame)
 
     def _frame(self) -> "Frame":
@@ -323,15 +319,15 @@ class Design:
 
     @property
     def member_forces(self) -> "dict[str, MemberForces]":
-        """Forces along the axis of each member, by its name, from `section_forces`."""
+        """Forces in the directions of each member's axis, by name of the member, from `section_forces`."""
         from dsfab.members.frame import member_forces
 
         return self.cached_result("slicing", "member forces", lambda: member_forces(self.members, self.section_forces))
 
     @property
     def member_utilisation(self) -> "Utilisation":
-        """Forces of members over their resistance by the standard of the material, see `dsfab.members.eurocode`.
-        Raises StaticsError if neither the material nor a strength is set."""
+        """Forces in the members divided by their resistance, by the standard of the material.
+        Raises StaticsError without a material and without a strength."""
         return self.cached_result("slicing", "member utilisation", self._member_utilisation)
 
     def _member_utilisation(self) -> "Utilisation":
@@ -348,34 +344,33 @@ class Design:
     @property
     def solid(self) -> Solid:
         """Stage 6: the thickened sheet."""
-        return self._results.result("solid", self._solid)
-
-    def _solid(self) -> Solid:
-        return thickening_step(self.preset, self.surface, self.slicing, self._log)
+        return self._results.result(
+            "solid", lambda: thickening_step(self.preset, self.surface, self.slicing, self._log)
+        )
 
     @property
     def fields(self) -> Mapping[str, Floats] | None:
-        """Fields of the VTU file by name, (n, ...) or (m, ...), if the design comes from a folder; else None."""
+        """Fields of the VTU file by name, (n, ...) or (m, ...), for a design that was read from a folder; else None."""
         return self._results.result("fields", lambda: None)
 
     @property
     def analysis(self) -> StressedSurface:
-        """Stages 1 to 3: the input of the pattern."""
+        """Results of stages 1 to 3, the input of the pattern."""
         return StressedSurface(self.surface, self.statics, self.diffusion)
 
     @property
     def seconds(self) -> Mapping[str, float]:
-        """Rows of the timing table for the stages that ran."""
+        """Seconds of the rows of the timing table, for the computed stages."""
         return MappingProxyType(self._log.seconds)
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """Notes for the user from the stages that ran."""
+        """Notes for the user from the computed stages."""
         return tuple(self._log.notes)
 
     @property
     def file(self) -> FileRecord | None:
-        """Record of data read, repaired and dropped in the surface file; None without a file, or before it is read."""
+        """Record of the data that was read, repaired and dropped in the surface file; None without a file."""
         return self._log.file
 
     @property
@@ -389,14 +384,14 @@ class Design:
         return self.statics.load
 
     def quality(self, symmetry: bool = True) -> PatternQuality:
-        """Measure the quality of the pattern, on the sheet if it exists, else on the stripes.
-        symmetry : True to measure the error of the symmetry, too, which takes longest."""
+        """Return the quality of the pattern, measured on the sheet if it exists, else on the stripes.
+        symmetry : True to measure the symmetry error, too, which takes longest."""
         cells, sheet = (self.slicing.cells, self.sheet) if self.has("slicing") else (None, None)
         return measured_pattern(self, symmetry, cells, sheet)
 
     @property
     def cut_loads(self) -> dict[str, LoadCase]:
-        """Loads that the pattern follows, by name, on the cut sheet. Raises StaticsError if the sheet lost a load."""
+        """Loads that the pattern follows, on the cut sheet, by name. Raises StaticsError if a load has no support."""
         return self._loads_on_sheet(self.preset.followed_weights)
 
     def _loads_on_sheet(self, names: Iterable[str]) -> dict[str, LoadCase]:
@@ -404,8 +399,8 @@ class Design:
 
     @property
     def section_forces(self) -> dict[str, SectionForces]:
-        """Forces n, m and q on each face of the cut sheet, by case and combination, see `dsfab.statics.SectionForces`.
-        Raises StaticsError if the sheet lost a load."""
+        """Forces n, m and q on each face of the cut sheet, by case and combination (see `dsfab.statics.SectionForces`).
+        Raises StaticsError if a load has no support."""
         return self.cached_result("slicing", "section forces", self._section_forces)
 
     def _section_forces(self) -> dict[str, SectionForces]:
@@ -425,7 +420,7 @@ class Design:
 
 
 def summary_lines(design: Design) -> Iterator[str]:
-    """Yield lines of text: one for the design and one for each result."""
+    """Yield lines of text: a line for the design and a line for each result."""
     preset = design.preset
     yield f"Design {preset.name}" + (f": {preset.description}" if preset.description else "")
     if design.has("surface"):

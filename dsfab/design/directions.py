@@ -1,4 +1,4 @@
-"""Stage 3: diffusion tensors, modes and directions of the stripes, and changes of directions by the user."""
+"""Stage 3: diffusion tensors and modes; also the changes of stripe directions by the user."""
 
 from dataclasses import dataclass, replace
 
@@ -29,7 +29,7 @@ from dsfab.surface.orientation import one_sided_pieces
 
 
 def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """Return the stress (m, 3, 3), Pa, that the pattern follows on each face: of one case, or combined from several."""
+    """Return the stress (m, 3, 3), Pa, that the pattern follows on each face, from one case or from several cases."""
     sigma = {name: statics.cases[name].followed_stress for name in preset.followed_weights}
     if not preset.combines:
         return next(iter(sigma.values()))
@@ -37,7 +37,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return axes, the rows (3, 3), for signs and bases of modes; they follow loads and supports, not x, y and z."""
+    """Return axes, the rows (3, 3), for signs and bases of modes; they depend on loads and supports only."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -46,7 +46,7 @@ def load_axes(surface: Surface, load: LoadCase) -> Floats:
 
 
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
-    """Return tensors and modes of both families: stage 3."""
+    """Return tensors and modes of both families, the result of stage 3."""
     options = preset.diffusion
     log.report("diffusion", f"computing {options.modes} modes of both families")
     with log.row("diffusion"):
@@ -62,7 +62,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
             f"modes are symmetric ({', '.join(options.symmetry)}, {symmetry.order} images), with an error of "
             f"{asymmetry:.1g} of their size on this mesh",
         )
-    # measured: with 3.2 sqrt(r) cells across a surface, the first eigenvalues at anisotropy r have errors below 10 %
+    # with 3.2 sqrt(r) cells across a surface, the first eigenvalues had errors below 10 %
     edge = np.sqrt(surface.area) / (3.2 * np.sqrt(options.r))
     if surface.mean_edge > edge:
         log.note(
@@ -101,8 +101,8 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Steering:
-    """Changes of stripe directions by the user: rotation from the stress (radians), and guides; also the symmetry that
-    the changed directions still have, and a note for the user, or ''. loops : small supported loops."""
+    """Changes of stripe directions by the user: `turn` is a rotation from the stress (radians), `guidance` the guides.
+    symmetry : symmetry that the changed directions have.    loops : small supported loops.    told : note or ''."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -111,12 +111,12 @@ class Steering:
     loops: tuple[LoopSurroundings, ...] = ()
 
     def with_loops(self, frames: Frames, stress: StressDirections) -> "Steering":
-        """Return the steering with a guide around each small supported loop under a stress."""
+        """Return the steering with a guide around each small supported loop."""
         around = (loop.guidance(frames, stress, self.turn) for loop in self.loops)
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return the clarity of the directions (m,), 0 to 1, from that of the stress (m,) and from the guides."""
+        """Return how clear the direction is on each face, (m,), 0 to 1, from the stress (m,) and the guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
@@ -124,7 +124,7 @@ class Steering:
 
     def outcome(self, surface: Surface, along: Floats, directions: StressDirections, over: Bools) -> StripeSteering:
         """Return the final steering for the directions `along` (n, 3) of the major stripes.
-        over : (n,) True at vertices where the two families exchange names, see `family_crossings`."""
+        over : (n,) True at vertices where the two families exchange their names, see `family_crossings`."""
         cosines = (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) for k in (0, 1))
         first_share, second_share = ((cosine**2).sum(axis=1) for cosine in cosines)
         crossed = over[surface.F].mean(axis=1) > 0.5
@@ -140,7 +140,7 @@ class Steering:
 
 def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
     """Return the steering of a pattern.
-    symmetry : symmetry of surface, supports and loads.    spacing : metres, for guides without own reach.
+    symmetry : symmetry of surface, supports and loads.    spacing : metres, for guides without their own reach.
     Raises PatternError for an angle on a one-sided surface, and for a guide without effect."""
     oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
@@ -165,7 +165,7 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
 
 
 def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
-    """Return True for each image (g,) of the symmetry that keeps the sense of rotation on over 90 % of the area."""
+    """Return True for each image (g,) of the symmetry that preserves the sense of rotation on over 90 % of the area."""
     normal = surface.normals
     agree = [
         np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0
@@ -188,7 +188,7 @@ def _keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, 
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the symmetry of the selected images and its order; None and 1 if these are no group or one image."""
+    """Return the symmetry of the selected images and its order; None and 1 for one image, or without a group."""
     R = symmetry.R[selected]
     maps = tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):

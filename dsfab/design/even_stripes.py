@@ -40,15 +40,15 @@ from dsfab.statics import varying_thickness
 from dsfab.surface import Surface, link_components
 
 SLOPES = (0.6, 1.6)
-"""Limits of the actual over the wanted growth of a phase; only faces around singular points exceed them."""
+"""Limits of actual divided by wanted growth of a phase; only faces around singular points exceed these limits."""
 
 
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
     """The lines of one family; each halving ends every second line.
     most  : largest number of halvings.      wish  : (m,) wanted number of halvings on each face, 0 to `most`.
-    free  : (m,) as `wish`, but without these bounds.
-    slope : (n,) periods per metre at each vertex.    grown : growth of the phase divided by its wanted growth."""
+    free  : (m,) wanted number of halvings without these limits.
+    slope : (n,) periods per metre at each vertex.    grown : mean growth of the phase divided by its wanted growth."""
 
     phase: CornerPhase
     most: int
@@ -63,8 +63,8 @@ class StripeDirections:
     """Directions and constraints of both families.
 
     given      : directions of the principal stresses.    along : (n, 3) directions of major stripes at vertices.
-    confidence : (m,) clarity of the directions on each face, 0 to 1.
-    moved      : (n,) displacement of the vertices under the followed loads, in any unit.
+    confidence : (m,) how clear the direction is on each face, 0 to 1.
+    moved      : (n,) displacement of each vertex under the followed loads, in any unit.
     members    : curves of guides that become members."""
 
     frames: Frames
@@ -79,7 +79,7 @@ class StripeDirections:
 
     @classmethod
     def from_statics(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
-        """Return the directions of a preset; `spacings` (m) are those of the drawn families."""
+        """Return the directions of a preset. spacings : metres, of each drawn family."""
         symmetry = _symmetry(preset, surface, statics)
         sigma = followed_stress(preset, surface, statics)
         stress = StressDirections(*principal_stresses(surface, symmetry.mean_stress(sigma) if symmetry else sigma))
@@ -88,7 +88,7 @@ class StripeDirections:
         steer = replace(steering(preset.pattern, frames, symmetry, min(spacings)), loops=loops)
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
-        length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow shorter changes
+        length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow changes over a shorter length
         along, over = _directions(preset.pattern, frames, stress, steer, images, length)
         steer = steer.with_loops(frames, stress)
         confidence = steer.confidence(surface, stress.confidence(surface.areas))
@@ -101,11 +101,11 @@ class StripeDirections:
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
-        """Directions (n, 3) of the gradients of the major and the minor phase, at right angles to the stripes."""
+        """Directions (n, 3) of the gradients of the major and of the minor phase, perpendicular to the stripes."""
         return cross(self.frames.normal, self.along), self.along
 
     def steered_with_members(self, families: Sequence[FamilyLines]) -> StripeSteering | None:
-        """Return the steering of the families, with a message on each guide's curve that becomes a member."""
+        """Return the steering, with a message for each guide curve that becomes a member."""
         if self.steered is None or not self.members:
             return self.steered
         surface, messages = self.frames.surface, [self.steered.told] * bool(self.steered.told)
@@ -120,12 +120,9 @@ class StripeDirections:
 def _member_message(line: GuideLine, share: float, across: bool) -> str:
     key = f"pattern.guide.{line.number}"
     other_family = FAMILIES[1 - FAMILIES.index(line.family)]
-    hint = (
-        f"; the {other_family} family follows this curve by itself: family = '{other_family}' bends less"
-        if across
-        else ""
-    )
-    if share >= 0.995:  # a few sample points of the curve may lie beside the member
+    hint = f"; the {other_family} family follows this curve by itself: family = '{other_family}' bends less"
+    hint = hint if across else ""
+    if share >= 0.995:  # a few sample points of the curve may lie outside the member
         return f"a {line.family} member runs on the curve of {key}{hint}"
     return (
         f"a {line.family} member follows only {share:.0%} of the curve of {key}, because of another guide, an edge "
@@ -136,12 +133,11 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
 def _directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
-    """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and vertices (n,) with exchanged
-    families.
+    """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of exchanged families.
 
-    At these vertices the major stripes of the neighbouring region continue as minor stripes.
-    At a crossing the two principal stresses are equal, and the direction of the larger one turns by a right angle. The
-    search for crossings precedes smoothing, because smoothing across them would produce singular points."""
+    At a vertex of this mask the major stripes of the neighbouring region continue as minor stripes. At a crossing of
+    families both principal stresses are equal, and the direction of the larger stress turns by a right angle.
+    Crossings are found before smoothing, because smoothing across them produces singular points."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         guidance = steer.with_loops(frames, stress).guidance
@@ -149,9 +145,9 @@ def _directions(
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:
-        # tests on eight plates: smoothed over 1 edge, faces joined both sides of a crossing; over 0.25 edges, noise did
+        # on eight plates, smoothing over 1 edge, or noise over 0.25 edges, joined faces across a crossing
         crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
-        # a smaller region has no space for two members: with 1.6 instead of 2, four members of a floor had loose ends
+        # smaller regions have no space for two members: with 1.6 instead of 2, four members of a floor had loose ends
         crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
         stress = _exchanged_on(stress, crossed[frames.surface.F].mean(axis=1) > 0.5)
     along = smooth(stress, length)
@@ -160,7 +156,7 @@ def _directions(
 
 
 def _region_areas(frames: Frames, crossed: Bools) -> Floats:
-    """Return the area (m2) of the region around each vertex (n,) in which the families keep their names."""
+    """Return the area (m2) of the region of each vertex (n,); inside a region the families do not exchange names."""
     surface, (i, j) = frames.surface, frames.ends.T
     inside = crossed[i] == crossed[j]
     count, region = link_components(surface.n, i[inside], j[inside])
@@ -174,7 +170,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return vertices (n,) where the families exchange names; none with guides, or if symmetric images disagree."""
+    """Return a mask (n,) of vertices where the families exchange names; empty with guides, or if images differ."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -183,9 +179,8 @@ def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Image
 @dataclass(frozen=True, eq=False)
 class FamilyCourse:
     """Directions and density of one family, from which its lines follow for any spacing.
-    g     : (n, 3) direction of the phase's gradient at each vertex.    u : (n,) logarithm of the density.
-    start : (n,) weight of each vertex as a start of the phase.    members : curves that become members of the family.
-    """
+    g     : (n, 3) direction of the phase gradient at each vertex.    u : (n,) logarithm of the density.
+    start : (n,) weight of each vertex as a start of the phase.    members : guide curves that become members."""
 
     follow: StripeDirections
     g: Floats
@@ -196,8 +191,7 @@ class FamilyCourse:
 
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
-        """Return the course of a family by its name.
-        Lines run through the places of largest stress: `start` is the fourth power of the stress."""
+        """Return the course of a family by name. `start` is the fourth power of the stress."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -207,13 +201,13 @@ class FamilyCourse:
 
     @property
     def without_halving(self) -> Self:
-        """The same course without halving: no line ends early."""
+        """The same course without halving, so that no line ends early."""
         return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
 
     def lines(self, spacing: float) -> FamilyLines:
-        """Return the lines of the family, on average `spacing` (m) apart.
-        A shift of the phase by half a period is possible; the function takes the phase whose lines run where stressed
-        places move. Supported places need no line."""
+        """Return the lines of the family, with a mean spacing of `spacing` metres.
+        Two phases are possible, half a period apart. The function takes the phase whose lines run along stressed
+        vertices that move, because supported vertices need no line."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
@@ -236,14 +230,14 @@ class FamilyCourse:
 
 
 def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """Return the size of the displacement (n,), summed over the followed loads; 1 at all vertices if all are zero."""
+    """Return the displacement (n,) of each vertex, summed over the followed loads; 1 everywhere if nothing moves."""
     followed = [(weight, statics.cases[name].equilibrium.u) for name, weight in preset.followed_weights.items()]
     movement = sum(abs(weight) * np.linalg.norm(u, axis=1) for weight, u in followed)
     return np.asarray(movement if np.any(movement) else np.ones(surface.n))
 
 
 def no_lines(surface: Surface, spacing: float) -> FamilyLines:
-    """Return an empty family: it has no phase on any face."""
+    """Return an empty family: all of its faces are singular."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
@@ -257,7 +251,7 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
 
 
 def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floats) -> Floats:
-    """Return periods per metre (n,) around each vertex, from the gradient's `size` (m,) on all but singular faces."""
+    """Return periods per metre (n,) around each vertex, from the gradient's length (m,) on regular faces."""
     regular = (~singular).astype(float)
     mean, regular_share = vertex_means(surface, np.stack([size * regular, regular], axis=1)).T
     slope = np.divide(mean, regular_share, out=wanted_density.copy(), where=regular_share > 0)
@@ -265,15 +259,14 @@ def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floa
 
 
 def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the stress of the middle surface, which optimal forces need."""
+    """Return True if the pattern follows the stress of the middle surface, as optimal forces require."""
     cases = [statics.cases[name] for name in preset.followed_weights]
     return all(case.layered is None for case in cases) and not is_slab(surface, [case.answers for case in cases])
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """Return statics whose followed stresses come from the stiffest sheet of varying thickness.
-    Each stress is that sheet's force over the constant thickness. Raises PatternError if the pattern follows bending.
-    """
+    """Return statics whose followed stresses are those of the stiffest sheet of varying thickness.
+    Each stress is the force in that sheet divided by the constant thickness. Raises PatternError under bending."""
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
             'pattern.forces = "optimal" needs membrane forces, but the pattern follows bending here: set '
@@ -287,22 +280,18 @@ def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) ->
     return replace(statics, cases={**statics.cases, **cases})
 
 
-FINEST = 0.5  # Least spacing of stripes, in mean edges: members much thinner than a triangle are ragged.
+FINEST = 0.5  # Least spacing of stripes, in mean edges; members much thinner than a triangle have ragged borders.
 
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
-    """Return True if two [pattern] sections give the same centre lines: only widths, kept regions and keys for
-    stripes on modes may differ. With rounds of weight, the sections must be equal."""
+    """Return True if two [pattern] sections give the same centre lines.
+    Only widths, kept regions and keys for stripes on modes may differ; with rounds of weight, nothing may differ."""
     if current.rounds:
         return earlier == current
 
     def centre_line_options(options: Pattern) -> Pattern:
-        families = {
-            name: getattr(options, name).model_copy(
-                update={"threshold": 0.0, "frequency": 0.0, "mode": 1, "phase": 0.0}
-            )
-            for name in FAMILIES
-        }
+        unused = {"threshold": 0.0, "frequency": 0.0, "mode": 1, "phase": 0.0}
+        families = {name: getattr(options, name).model_copy(update=unused) for name in FAMILIES}
         width = Width(solid_fraction=options.width.solid_fraction) if options.forces == "optimal" else Width()
         return options.model_copy(update={"width": width, "keep": 0.0, "rim": 0.0, "tidy": None, **families})
 
@@ -311,7 +300,7 @@ def same_stripes(earlier: Pattern, current: Pattern) -> bool:
 
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
     """Return the evenly spaced stripes of [pattern].
-    Raises PatternError if the stress is zero, and for spacings too fine for the mesh or too wide for the surface."""
+    Raises PatternError if the stress is zero, and for a spacing too fine for the mesh or too wide for the surface."""
     options = preset.pattern
     if options.forces == "optimal":
         statics = optimal_statics(preset, surface, statics)
@@ -323,7 +312,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     courses = {k: FamilyCourse.for_family(directions, FAMILIES[k], options.may_halve) for k in drawn_families}
     families = [courses[k].lines(h) if k in courses else no_lines(surface, h) for k, h in enumerate(spacings)]
     for name, lines, spacing in zip(FAMILIES, families, spacings, strict=True):
-        if lines.grown < 0.5:  # the surface is too small for two stripes
+        if lines.grown < 0.5:
             raise _too_far_error(name, spacing, surface)
     divided = _redrawn_lines(directions, courses, families, spacings)
     stripes = divided.stripes(directions)
@@ -334,9 +323,8 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
-    """Return both families of lines. A family is drawn again if the mean spacing (m) of its remaining lines is off
-    by over 5 %, and without halving if it is still off by over 30 %: halving all or no lines may miss the spacing by
-    half."""
+    """Return both families of lines, drawn again if their mean spacing is off its requested value (m) by over 5 %.
+    If it is still off by over 30 %, the lines are drawn without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -344,7 +332,7 @@ def _redrawn_lines(
         redo = [k for k, lines in enumerate(families) if lines.most > 0 and abs(deviations[k]) > limit]
         if not redo:
             break
-        for k in redo:  # lines end at openings, so their spacing is known only after drawing
+        for k in redo:  # because lines end at openings, their spacing is only known after drawing
             wider = spacings[k] * float(np.exp(deviations[k]))
             families[k] = courses[k].lines(wider) if halve else courses[k].without_halving.lines(spacings[k])
         tries.append(_DividedFamilies.from_lines(directions, *families))
@@ -353,7 +341,7 @@ def _redrawn_lines(
 
 
 def _spacing_errors(surface: Surface, divided: "_DividedFamilies", spacings: list[float]) -> Floats:
-    """Return the logarithm of drawn divided by requested stripes per metre, on average, for each family (2,)."""
+    """Return the logarithm of drawn divided by requested stripes per metre, as a mean for each family (2,)."""
     mean = surface.vertex_areas @ divided.density / surface.area
     return np.asarray(np.log(mean * np.array(spacings)))
 
@@ -389,9 +377,8 @@ def _digits(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
-    """Both families after lines end in crowded places; density : (n, 2) remaining lines per metre of each family.
-    The density is the mean over all symmetric images of a point: widths depend on it, and faces are less symmetric
-    than vertices."""
+    """Both families after halving; density : (n, 2) remaining lines per metre at each vertex, for each family.
+    The density is the mean over all symmetric images, because faces are not exactly symmetric."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

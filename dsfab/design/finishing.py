@@ -1,4 +1,4 @@
-"""Options of finishing from a preset: slits, least openings and widths; also the material that finishing adds."""
+"""Options of finishing from a preset: slits, least openings and least widths; and the material that finishing adds."""
 
 from collections import Counter
 from typing import NamedTuple
@@ -11,8 +11,8 @@ from dsfab.slicing.finishing.finish import FinishingOptions, TrialCut, tidied_po
 from dsfab.surface import Surface
 
 SPECK = 0.15
-"""Smallest opening between evenly spaced stripes, as a share of their spacing: smaller openings, remainders at the edge
-of the surface, become material."""
+"""Smallest opening between evenly spaced stripes, divided by their spacing. Smaller openings are filled; most of them
+lie at the edge of the surface."""
 
 
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:
@@ -25,16 +25,15 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
-    """Return the members that merge across a slit in tidied patterns; see `merging_rule`.
-    Patterns without stripes keep their slits. So a topology optimisation that is cut by the same preset keeps its mass.
-    """
+    """Return the members that merge across a slit; see `merging_rule`.
+    Only tidied stripes merge: a topology optimisation, cut by the same preset, must keep its mass."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
 
 def merging_rule(preset: Preset) -> Merging:
-    """Return the rule for filling slits: all slits, or only those of crowded members.
-    If more than half of the surface is solid, most openings are narrower than members, so slits are normal."""
+    """Return the rule for filling slits: all slits, or only slits between crowded members.
+    If more than half of the surface is solid, most openings are narrower than members and must stay."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
@@ -42,7 +41,7 @@ def trial_cut(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> TrialCut | None:
     """Return the cut of a pattern, finished up to the first rounding of corners; None without material.
-    The defaults of [slicing] apply, because no stage depends on a later section.
+    The defaults of [slicing] apply, because a stage must not depend on a later section.
     polygons : the surface cut along the pattern, if the caller has it."""
     preset = preset.model_copy(update={"slicing": Slicing()})
     options = finishing_options(preset, surface, pattern)
@@ -52,7 +51,7 @@ def trial_cut(
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
     """Return a trial cut with bridges (for a workshop also with least widths), and the added share of the surface.
-    A bridge fills a gap between rounded members that is too narrow."""
+    A bridge crosses a gap that is too narrow between rounded members."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
         trial = trial.with_least_widths(*_usual_widths(preset, surface))
@@ -60,21 +59,21 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return the smallest openings and necks of openings (m), or 0; smaller openings are filled, smaller necks bridged.
-    Necks between evenly spaced stripes are at least about as wide as the sheet is thick."""
+    """Return the smallest openings and the smallest necks of openings (m), or 0.
+    Smaller openings are filled, narrower necks bridged. By default a neck is about as wide as the thickness."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
     spacing = min(family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     thickness = preset.statics.thickness
-    # another rule already fills slits between tidied members
+    # the rule for slits fills larger openings between tidied members
     opening = min(SPECK * spacing, thickness) if options.removes_loose_ends else SPECK * spacing
-    # a tenth wider than the thickness, because chords replace the round corners beside a bridge
+    # 1.1, because chords replace the round corners beside a bridge
     return opening, min(1.1 * thickness, 0.2 * spacing)
 
 
 REQUESTED_SHARE = 0.95
-"""Least actual over requested width of a member: on flat triangles widths have an error of a few percent."""
+"""Least actual width of a member divided by its requested width: flat triangles cause errors of a few percent."""
 
 
 class WorkshopWidths(NamedTuple):
@@ -85,9 +84,9 @@ class WorkshopWidths(NamedTuple):
 
 
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
-    """Return the least widths of a preset on a surface, by [slicing] or by default; none without `pattern.workshop`.
-    By default a member is at least half as wide as the sheet is thick, about the width of a cutter. If [slicing]
-    requests more, only members between openings with round corners become wider than that."""
+    """Return the least widths of a preset on a surface, from [slicing] or by default; 0 without `pattern.workshop`.
+    By default members are at least half as wide as the thickness, about the width of a cutter. Larger limits in
+    [slicing] widen only members between openings with round corners."""
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     slicing, thickness = preset.slicing, preset.statics.thickness
@@ -99,8 +98,8 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 
 
 def usual_gap(thickness: float, size: float) -> float:
-    """Return the least width (m) of openings, for a thickness (m) and a diagonal (m) of the surface's box.
-    It is a quarter of the thickness, and at least 3 mm for a saw blade, or a 500th of the size of small designs."""
+    """Return the default least width (m) of openings. size : diagonal of the surface's bounding box, metres.
+    It is a quarter of the thickness, but at least 3 mm for a saw blade, or a 500th of the size of small designs."""
     return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 
@@ -134,17 +133,17 @@ def closed_share(
 
 
 def least_drawn_member(preset: Preset, surface: Surface) -> float:
-    """Return the least width (m) of members in the pattern, so that few need widening; 0 without `pattern.workshop`."""
+    """Return the least width (m) of drawn members, so that few members need widening; 0 without `pattern.workshop`."""
     return _usual_widths(preset, surface).member / REQUESTED_SHARE
 
 
 def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
-    """Return the least widths with the defaults of [slicing], because no stage depends on a later section."""
+    """Return the least widths with the defaults of [slicing]."""
     return least_widths(preset.model_copy(update={"slicing": Slicing()}), surface)
 
 
 def least_widths_message(least: tuple[float, float], counts: Counter[str]) -> str:
-    """Return a note on the places that finishing changed for the least widths, counted by kind; '' without any."""
+    """Return a note that counts the places that finishing changed for the least widths; '' without changes."""
     gap, member = least
     parts = (
         ("closed", f"openings narrower than {length(gap)} were closed at {places_phrase(counts['closed'])}"),
@@ -157,5 +156,4 @@ def least_widths_message(least: tuple[float, float], counts: Counter[str]) -> st
 
 
 def places_phrase(count: int) -> str:
-    """Return a count of places in words for a note, such as `one place` or `3 places`."""
     return f"{count} places" if count > 1 else "one place"

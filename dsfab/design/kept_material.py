@@ -1,4 +1,4 @@
-"""Material around supports and loads, removal of loose ends, and correction of the material share."""
+"""Regions that stay material, removal of loose ends, and correction of the share of material."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -22,9 +22,9 @@ class _LatestLayers(NamedTuple):
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
-    """Return the layers that are material wherever the stripes run.
-    With symmetric stripes, patches around supports and loads are united with their images, because their edges are
-    ragged by up to one mesh edge. The user's regions stay unchanged."""
+    """Return the layers that are material in all patterns.
+    With symmetric stripes, the patches around supports and loads get the union of their images, because their borders
+    are ragged by up to one mesh edge. The user's regions stay unchanged."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
@@ -37,7 +37,7 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStr
 
 def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
     options = preset.pattern.keep, preset.pattern.rim, preset.pattern.region
-    # all trials of `auto` share these layers, which saves a tenth of their time
+    # sharing these layers saves a tenth of the time of all trials of `auto`
     latest: _LatestLayers | None = derived_results(load).get(_LatestLayers)
     if latest and latest.options == options and latest.surface() is surface:
         return latest.layers
@@ -47,7 +47,7 @@ def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Lay
 
 
 def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
-    """Return the options to remove loose ends from layers that are cut together; None if the preset keeps them."""
+    """Return the options to remove loose ends from layers that are cut together; None if loose ends stay."""
     if not preset.pattern.removes_loose_ends:
         return None
     names = [layer.name for layer in layers]
@@ -61,7 +61,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return faces (m,) where stripes on a mode are nearer to the other principal direction; None without modes."""
+    """Return a mask (m,) of faces where a stripe on a mode runs along the wrong principal direction, or None."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -74,11 +74,11 @@ def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) ->
 
 
 SHARE_TOLERANCE = 4e-4  # Accuracy of pattern.width.solid_fraction, as a share of the surface.
-UNREPORTED = 2 * SHARE_TOLERANCE  # Largest error of the solid fraction without a report.
+UNREPORTED = 2 * SHARE_TOLERANCE  # Largest error of pattern.width.solid_fraction that dsfab does not report.
 
 
 class _ShareTrial(NamedTuple):
-    """A trial: the requested share of the stripes, the share that finishing adds, their sum, and the stripes."""
+    """Requested share of the stripes, share that finishing adds, their measured sum, and the stripes."""
 
     aim: float
     added: float
@@ -93,17 +93,16 @@ def corrected_pattern(
     added_share: Callable[[PatternResult], float],
     bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
-    """Return stripes that cover the requested share of the surface after finishing (round corners, filled openings),
-    and the share that they cover.
+    """Return stripes that cover the requested share of the surface after finishing, and the covered share.
 
     draw_pattern  : draws stripes, for a share that finishing adds and an estimate of the width factor (0 for none).
     nearest_share : returns the measured share nearest to a target, from all shares measured for the latest stripes.
-    added_share   : returns the share that finishing adds.
-    bridged_share : returns the share that bridges add to the latest stripes. It takes long and is mostly 0, so it runs
-                    once after the search without bridges, and in each further trial only if it was not 0.
+    added_share   : returns the share that finishing adds, by round corners and filled openings.
+    bridged_share : returns the share that bridges add to the latest stripes. The function is slow and mostly returns 0.
+                    So it runs once after a search without bridges, and in later trials only if it did not return 0.
 
-    The added share changes little with the widths, so it is subtracted from the share of the stripes. It jumps if
-    openings close; then the search bisects between two trials, below and above the requested share."""
+    The added share depends little on the widths, so the stripes get the requested share minus the added share. If
+    openings close, the added share jumps; the search then bisects between a smaller and a larger total."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -117,7 +116,7 @@ def corrected_pattern(
     def converge(trial: _ShareTrial) -> _ShareTrial:
         for _ in range(3):
             if any(abs(earlier.aim + trial.added - requested) < SHARE_TOLERANCE for earlier in trials):
-                break  # the next trial would repeat an earlier one, for example if a bridge appears and vanishes again
+                break  # the next trial would repeat an earlier trial
             trial = attempt(trial.added, trial.result.factor)
         return trial
 
@@ -126,7 +125,7 @@ def corrected_pattern(
         latest = trials[-1] = latest._replace(added=latest.added + bridges, total=latest.total + bridges)
         trials[:-1] = []  # earlier trials do not include bridges
         latest = converge(latest)
-    for k in range(8):  # the last five rounds accept the preset's tolerance
+    for k in range(8):  # from the fourth round on, the preset's tolerance suffices
         accepted = max(tolerance, UNREPORTED) if k >= 3 else UNREPORTED
         if min(abs(trial.total - requested) for trial in trials) <= accepted or not (
             middle := _middle_target(trials, requested)
@@ -139,7 +138,7 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the middle of the aims of two trials whose totals lie below and above the requested share; else 0."""
+    """Return the mean requested share of the nearest two trials below and above the target; 0 without such trials."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0

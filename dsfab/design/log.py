@@ -17,9 +17,9 @@ ROWS = {
     "slicing": ("slicing",),
     "thickening": ("thickening",),
 }
-"""Rows of the timing table that each stage fills."""
-PARTS = {"statics": ("factor",)}  # Timing rows that are part of another row of the stage.
-Progress = Callable[[str, str], None]  # A function that receives a stage and a message about the step that begins.
+"""Rows of the timing table of each stage."""
+PARTS = {"statics": ("factor",)}  # Rows whose seconds are part of another row, by stage.
+Progress = Callable[[str, str], None]  # Receives the name of a stage and a message about the step that begins.
 
 
 def silent(_stage: str, _doing: str) -> None: ...
@@ -27,13 +27,12 @@ def silent(_stage: str, _doing: str) -> None: ...
 
 @dataclass
 class Log:
-    """Progress, seconds and notes of a run. clock : returns the current time in seconds."""
+    """Progress, seconds and notes of a run. file : record of the surface file. clock : returns the time in seconds."""
 
     progress: Progress | None
     seconds: dict[str, float] = field(default_factory=dict)
     notes: list[Note] = field(default_factory=list)
     file: FileRecord | None = None
-    """Record of the surface file, if the surface is in a file."""
     clock: Callable[[], float] = time.perf_counter
 
     def report(self, stage: str, doing: str) -> None:
@@ -59,7 +58,7 @@ class Log:
         self.notes.append(Note(stage, text))
 
     def add_stage(self, earlier: "Log", stage: str) -> None:
-        """Add the seconds and notes of a stage from the log of the design that computed its result."""
+        """Add the seconds and notes of a stage from the log of another design."""
         rows = (*ROWS[stage], *PARTS.get(stage, ()))
         self.seconds.update({row: earlier.seconds[row] for row in rows if row in earlier.seconds})
         self.notes.extend(note for note in earlier.notes if note.stage == stage)
@@ -72,5 +71,5 @@ class Log:
         return log
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the progress callback, which another process cannot call."""
+        """Leave out the progress callback, which cannot be pickled."""
         return {**vars(self), "progress": None}

@@ -1,4 +1,4 @@
-"""The beam model of a design, and the standard and factors for the check of its members."""
+"""The beam model of a design, and the Eurocode rules for its members."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -25,12 +25,12 @@ LOAD_DURATIONS: dict[str, "Duration"] = {
     "imposed H": "short",
     "wind": "short",
 }
-"""Duration of loads by their action [EN 1995-1-1, table 2.2]; every other action, also snow, has a medium duration."""
+"""Duration of loads by action [EN 1995-1-1, table 2.2]; snow and all other actions have a medium duration."""
 
 
 def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str, "MemberForces"]) -> "Utilisation":
-    """Return forces of members over their resistance, in the cases and combinations of the ultimate limit state.
-    Raises StaticsError if neither the material nor a strength is set."""
+    """Return forces in members divided by their resistance, for the cases and combinations of the ultimate limit state.
+    Raises StaticsError without a material and without a strength."""
     from dsfab.members.eurocode import MemberBays, utilisation
 
     bays = MemberBays.from_forces(graph, forces, preset.statics.thickness)
@@ -39,7 +39,7 @@ def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str
 
 
 def eurocode_rules(preset: Preset, cases: tuple[str, ...]) -> "Rules":
-    """Return the Eurocode rules of a preset for cases and combinations, which are given by their names."""
+    """Return the Eurocode rules of a preset. cases : names of cases and combinations."""
     from dsfab.members.eurocode import Rules, SteelFactors, TimberFactors
 
     section, options = preset.statics, preset.eurocode
@@ -81,8 +81,8 @@ PERMANENT = {"self_weight", "cladding"}  # Kinds of permanent loads.
 
 
 class ActionCase(NamedTuple):
-    """Loads of one case that belong to one kind of action.
-    case : name of the case in the preset.    action : permanent, snow, wind or variable.    load : on uncut surface."""
+    """Loads of one case that belong to one kind of action, on the uncut surface.
+    case : name of the case in the preset.    action : permanent, snow, wind or variable."""
 
     case: str
     action: str
@@ -90,9 +90,9 @@ class ActionCase(NamedTuple):
 
 
 def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
-    """Return the load cases of a preset by name, each split into cases with a single kind of action.
-    Frame programs combine cases by their kinds: weight inside a snow case would wrongly vary with the snow. An entry of
-    `surface.actions` applies to the whole case."""
+    """Return the load cases of a preset by name, split so that each has a single kind of action.
+    Frame programs multiply a case by the factor of its kind; weight inside a snow case would get the factor of snow.
+    An entry of `surface.actions` applies to the whole case."""
     section, action_by_name = preset.surface, dict[str, ActionCase]()
     for case in (name for name, entry in statics.cases.items() if entry.factors is None):
         load, kinds = statics.cases[case].load, dict[str, list[Load]]()
@@ -116,7 +116,7 @@ def _load_action(load: Load) -> str:
 
 
 def _action_kind(kind: str | None) -> str:
-    """Return the kind of an action of EN 1990 as permanent, snow, wind or variable; '' for None."""
+    """Return permanent, snow, wind or variable for an action of EN 1990; '' for None."""
     if kind is None or kind in ("permanent", "wind"):
         return kind or ""
     return "snow" if kind.startswith("snow") else "variable"
@@ -131,7 +131,7 @@ def beam_model(
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
     """Return the beam model of a cut sheet with its members, under the loads of these cases.
-    A combination adds the parts of a split case. Raises StaticsError if no member has an axis."""
+    A combination includes all parts of a split case. Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
     section = preset.statics
@@ -149,8 +149,8 @@ def beam_model(
 def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
-    """Compare beams with the cut sheet, whose ribs twist as bars, in each case.
-    Raises StaticsError if the supports hold neither the beams nor the sheet, or only one of them."""
+    """Compare the beams with the cut sheet, whose ribs twist as bars, in each case.
+    Raises StaticsError if the supports do not hold both the beams and the sheet."""
     from dsfab.members.frame import agreement, solve_frame
 
     answers, spread_faces = solve_frame(frame), _spread_faces(graph, sheet.m)
@@ -168,8 +168,8 @@ def beam_agreement(
 def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
-    """Return the answers of a sheet whose ribs twist as a thin sheet, and of one whose ribs twist as bars.
-    Both are equal if the sheet is solved in its plane, and if bars cannot be solved because they are too narrow."""
+    """Return the answers of a sheet whose ribs twist as a sheet, and of a sheet whose ribs twist as bars.
+    Both answers are equal if the sheet is solved in its plane, or if its ribs are too narrow for bars."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:

@@ -1,4 +1,4 @@
-"""Search for a pattern method: modes or even stripes with width rules, forces and spacings, cut and compared."""
+"""Search for a pattern method: designs with modes or even stripes, width rules, forces and spacings are compared."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -20,11 +20,10 @@ from dsfab.results import Attempt, Choice, EvenStripes, FilledOpenings, Note, Pa
 from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
-EXCHANGEABLE_RULES = ("constant", "graded")
-"""Width rules that the search may exchange, if the preset requests one of these with a solid fraction."""
+EXCHANGEABLE_RULES = ("constant", "graded")  # The search may exchange these width rules, given a solid fraction.
 SPACINGS = (0.75, 1.25)
-"""Factors for spacings that the preset leaves open. In a plane, closer stripes are mostly stiffer if the mesh resolves
-them: a plate with a hole at 30 % solid fraction has .86 times the compliance."""
+"""Factors on the default spacings. In a plane, closer stripes are mostly stiffer if the mesh is fine enough: a plate
+with a hole at 30 % solid fraction has .86 times the compliance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +33,7 @@ class MethodCandidate:
     preset  : preset without open choices.             choice  : choice of modes and phases that were `auto`.
     even    : evenly spaced stripes; None for modes.   sheet   : sheet after the cut; None if the trial failed.
     grading : (n, f) half-width of each vertex and family, relative to the largest; None without the rule `stressed`.
-    notes   : notes for the design.                    drawn   : stripes of a design as built; else None."""
+    notes   : notes for the design.                    drawn   : the stripes as built, or None."""
 
     preset: Preset
     attempt: Attempt
@@ -54,7 +53,7 @@ def _stiffest(candidates: list[MethodCandidate]) -> MethodCandidate | None:
 def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best even stripes and the best modes with the width rule `stressed`, if the search may choose the rule.
+    """Yield the best even stripes and the best modes, each with the width rule `stressed`, if the rule may change.
     Flat sheets gain most: with this rule their compliance is 1.2 to 1.7 times that of a topology optimisation, with
     other rules 1.3 to 3.9 times."""
     if not _exchangeable(preset.pattern.width):
@@ -79,8 +78,7 @@ def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes, along the forces of the stiffest sheet of varying thickness.
-    The gain is large if forces differ from those of the uncut sheet: a plate with a hole has .87 times the
-    compliance."""
+    The gain is large if these forces differ from those of the uncut sheet: .87 times the compliance for a plate."""
     options = preset.pattern
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not _exchangeable(options.width) or options.is_steered:
@@ -103,7 +101,7 @@ def respaced_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes with larger and smaller spacings, with and without halving.
-    There are candidates only if the preset leaves the spacings open and requests a solid fraction."""
+    Nothing is yielded without a solid fraction, or if the preset sets the spacings."""
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not preset.pattern.width.solid_fraction:
         return
@@ -119,15 +117,14 @@ def respaced_candidates(
             except DsfabError as error:
                 yield MethodCandidate(variant_preset, Attempt(words, refused=str(error)))
                 continue
-            if any(even.wanted) or not halve:  # halving has no effect if it ends no line
+            if any(even.wanted) or not halve:  # the same stripes if halving ends no line
                 variant = MethodCandidate(variant_preset, Attempt(words), None, even)
                 yield _with_worth(variant, analysis, replace(log, notes=[]))
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """Return families without a given spacing, with `factor` times the default (two digits), and a text with spacings.
-    A family whose stripes would be less than two mesh edges apart is left out: a member and an opening need one
-    each."""
+    """Return the families without a given spacing, with `factor` times the default, and words for the spacings.
+    A family is left out if its spacing is under two mesh edges, because a member and an opening need an edge each."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
         family: Family = getattr(preset.pattern, name)
@@ -139,7 +136,7 @@ def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple
 
 
 def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) -> MethodCandidate:
-    """Return a candidate built with the defaults of [slicing], and solved with the elements of a trial."""
+    """Return a candidate, built with the defaults of [slicing], and solved with the elements of trials."""
     preset = candidate.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, analysis, candidate.even), Log(None)
     try:
@@ -159,8 +156,8 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
-    """Return the best of a candidate with drawn stripes and of the patterns of `uncrowded_changes`, if openings form a
-    plate in its trial cut, else the candidate. Candidates are compared as built, by `Attempt.rank`.
+    """Return a candidate whose openings do not form a plate, if changes of [pattern] give a better one.
+    The drawn candidate and those of `uncrowded_changes` are built and compared by `Attempt.rank`.
     draw : returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
@@ -188,8 +185,9 @@ def uncrowded_candidate(
 
 
 def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[dict[str, object]]:
-    """Yield up to four changes of [pattern] that may avoid a plate of filled openings: a larger `keep` if the plate is
-    within a spacing of kept material, a larger spacing, both families or that of arches alone, and a rotation."""
+    """Yield up to four changes of [pattern] that may avoid a plate of filled openings.
+    These are a larger `keep` if the plate is within a spacing of kept material, a larger spacing, both families or the
+    family of arches alone, and a rotation."""
     options, surface, load = design.preset.pattern, design.surface, design.statics.load
     spacings = {name: getattr(options, name).distance(surface.area, surface.mean_edge) for name in options.family_names}
     distance = np.linalg.norm(surface.V[load.supported | load.loaded] - plate.place, axis=1).min(initial=np.inf)
@@ -205,7 +203,7 @@ def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[di
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:
-    """Return the methods to try; each has a name, and True if lines end in crowded places (halving)."""
+    """Return the methods to try as pairs: name, and True for halving."""
     halved = [("stripes", True)] if preset.pattern.may_halve else []
     modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # modes do not follow guides
     return [*halved, ("stripes", False), *modes]
@@ -214,13 +212,13 @@ def methods(preset: Preset) -> list[tuple[str, bool]]:
 def method_candidates(
     preset: Preset, analysis: StressedSurface, log: Log, method: str, halve: bool
 ) -> Iterator[MethodCandidate]:
-    """Yield one method with each width rule."""
+    """Yield a candidate of one method for each width rule."""
     title = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}[method]
     variant_preset = preset.with_pattern(method=method, halve=halve, weight_rounds=0)
     if method == "modes":
-        variant_preset = variant_preset.with_pattern(forces="uncut")  # modes need the uncut sheet's forces
+        variant_preset = variant_preset.with_pattern(forces="uncut")
     if method == "modes" and preset.pattern.tidy is None and preset.pattern.families == "both":
-        variant_preset = variant_preset.with_pattern(tidy=True)  # modes leave loose ends
+        variant_preset = variant_preset.with_pattern(tidy=True)  # because modes leave loose ends
     log.report("pattern", f"trying {title}: cutting and solving")
     scratch = replace(log, notes=[])
     try:
@@ -256,8 +254,8 @@ def _with_quality(
     cells: Sheet,
     sheet: Sheet,
 ) -> MethodCandidate:
-    """Return a candidate with its sheet, and with the number of dead ends and slits of that sheet.
-    worth : energy in joules, its ratio to that of the uncut sheet, and share of the surface, as in an `Attempt`."""
+    """Return a candidate with its sheet, and with the number of dead ends and slits of this sheet.
+    worth : compliance in joules, its ratio to that of the uncut sheet, and share of the surface, as in an `Attempt`."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
     attempt = Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits)
@@ -270,8 +268,8 @@ def _exchangeable(width: Width) -> bool:
 
 def _width_variants(width: Width) -> dict[str, Width]:
     """Return width rules to try, by name.
-    One of them grades gently, with half the power q. Bars without bending are stiffest with widths in proportion to
-    their forces, but members with little force still carry their own weight and brace other members."""
+    A third rule grades with half the power q. Widths in proportion to the forces are best for bars without bending;
+    but members with little force also carry their weight and brace other members."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -280,16 +278,15 @@ def _width_variants(width: Width) -> dict[str, Width]:
 
 
 NEAR_BEST = 0.1
-"""Candidates whose compliance exceeds the best by less than this share are measured again, by more accurate elements.
-Trials round no corners, so that their solid fraction is off by up to 8 %. On a bracket, modes were 3 %
-worse than stripes in their trial, and 28 % better as built. Elements of trials are up to 26 % too stiff for
-members one triangle wide."""
+"""Candidates are solved again with more accurate elements if their compliance exceeds the best by less than this share.
+Trials round no corners, so their solid fraction is off by up to 8 %. On a bracket, modes were 3 % worse than stripes in
+their trial, and 28 % better as built. Elements of trials are up to 26 % too stiff for members one triangle wide."""
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
     """Return the best method of drawing stripes, and all attempts, best first.
     The best method has the fewest dead ends, then the fewest slits, then the most stiffness per share of material (see
-    `Attempt.rank`); better elements decide between close candidates. Raises PatternError if none carries the loads."""
+    `Attempt.rank`). Accurate elements order nearly equal candidates. Raises PatternError if none carries the loads."""
     candidates: list[MethodCandidate] = []
     for method, halve in methods(preset):
         with log.row("method"):
@@ -313,8 +310,8 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return the candidates; up to four nearly equal ones are replaced by their results as built and solved.
-    The best candidate is built last, because slicing continues from its trial cut."""
+    """Return the candidates; up to four nearly equal candidates are built and solved.
+    The best candidate is built last, so that slicing can continue from its trial cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]
@@ -327,7 +324,7 @@ def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSur
 
 
 def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates, best first; better elements order those with equal flaws and nearly equal stiffness."""
+    """Return candidates, best first; accurate elements order those with equal flaws and nearly equal stiffness."""
     ranked = sorted(candidates, key=lambda candidate: candidate.attempt.rank)
     *flaws, soft = ranked[0].attempt.rank
     near_best = [candidate for candidate in ranked if candidate.sheet and list(candidate.attempt.rank[:-1]) == flaws]
@@ -338,7 +335,7 @@ def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> li
 
 
 def _accurate_softness(candidate: MethodCandidate, analysis: StressedSurface) -> float:
-    """Return energy (J) times share of material, to three digits as in `Attempt.rank`, with the elements of reports."""
+    """Return compliance (J) times share of material, to three digits, with the elements of reports."""
     assert candidate.sheet is not None
     trial = Trial(candidate.preset, analysis, candidate.even)
     compliance = trial.compliance(candidate.sheet.surface, trial.loads_on(candidate.sheet), "compliance_once")

@@ -1,4 +1,4 @@
-"""Search for modes, phases and widths: trial designs are cut, solved and compared."""
+"""Search for modes, phases and widths: designs are cut, solved and compared."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -27,7 +27,7 @@ SHARE_TOLERANCE = 2e-3  # Accuracy of pattern.width.solid_fraction in trials, as
 
 
 class CarryingSheet(NamedTuple):
-    """Cells of a cut, the supported sheet, and options to remove loose ends; for the other fields see `Candidate`."""
+    """Cells of a cut, the supported sheet, and the options to remove loose ends; see also `Candidate`."""
 
     cells: Sheet
     sheet: Sheet
@@ -38,8 +38,7 @@ class CarryingSheet(NamedTuple):
 
 
 class TrialResult(NamedTuple):
-    """Result of a trial whose sheet carries its loads: candidate with its score, pattern, sheet, and all cells of
-    the cut."""
+    """Result of a trial whose sheet carries its loads: the rated candidate, the pattern, the sheet, and all cells."""
 
     candidate: Candidate
     pattern: PatternResult
@@ -48,7 +47,7 @@ class TrialResult(NamedTuple):
 
 
 class Trial:
-    """Trials of modes and phases on one surface; they share all data that do not depend on modes and phases."""
+    """Trials of modes and phases on one surface."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         self.preset, self.given, self.surface, self.even = preset, analysis, analysis.surface, even
@@ -63,7 +62,7 @@ class Trial:
         return self.compliance(self.surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
-        """Return the worth of two modes and two phases (major, minor stripes), or the reason of a refusal."""
+        """Return the candidate of two modes and two phases (major, minor stripes), or the reason why it was refused."""
         try:
             return self.result(self.preset.with_modes(mode, phase)).candidate
         except DsfabError as error:
@@ -71,7 +70,7 @@ class Trial:
 
     def result(self, preset: Preset, grading: Floats | None = None) -> TrialResult:
         """Cut and solve the modes or stripes of a preset. Raises DsfabError if the sheet does not carry the loads.
-        grading : (n, f) relative half-widths of each family, as in `drawable_families`."""
+        grading : (n, f) relative half-widths of each family, see `drawable_families`."""
         options = preset.pattern
         families, layers = self._layers(preset, grading)
         carrying = self.carrying(layers)
@@ -105,11 +104,10 @@ class Trial:
         return CarryingSheet(cells, sheet, *shares, count, tidy)
 
     def loads_on(self, sheet: Sheet) -> dict[str, LoadCase]:
-        """Return the loads that the pattern follows, by name, on a sheet."""
+        """Return the loads that the pattern follows, on a sheet, by name."""
         return loads_on(self.surface, sheet, self.loads)
 
     def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
-        """Return the stiffness of each face of a sheet."""
         return FaceStiffness.from_sheet(self.preset.statics.sheet().model_for(surface), list(loads.values()))
 
     def _layers(self, preset: Preset, grading: Floats | None) -> tuple[Sequence[DrawableFamily], list[Layer]]:
@@ -128,11 +126,11 @@ class Trial:
 
 
 LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
-"""Limits of half-widths in the search, in periods: a vanished stripe may reappear, and a closed opening may reopen."""
+"""Limits of half-widths in the search, in periods: stripes may vanish and appear again, openings may close and open."""
 
 
 class WidthStep(NamedTuple):
-    """Half-widths of a step, their worth (energy in joules times share of the surface), and the next half-widths."""
+    """Half-widths of a step, compliance (J) times share of the surface, and half-widths of the next step."""
 
     worth: float
     grading: Floats
@@ -144,7 +142,7 @@ def stressed_step(
 ) -> Floats | None:
     """Return the best relative half-widths (n, 2) of both families from pattern.width.steps trials.
     The best trial has the least compliance per share of material, by constant strain and mid-edge bending on the cut
-    mesh. None if the first sheet does not carry the loads: then the widths follow the rule `graded`."""
+    mesh. Return None if the first sheet does not carry the loads; the widths then follow the rule `graded`."""
     steps = _steps(StressedTrial(preset, analysis, even), log)
     if not steps:
         return None
@@ -158,16 +156,16 @@ def stressed_step(
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the choice, which begins with the modes and phases that are stiffest with the width rule `stressed`.
-    The function computes stressed widths for the best three pairs of modes and the lowest pair. This may change their
-    order. On a cantilever at 30 % of the material, the compliance over that of the uncut plate falls from 4.12 to 3.86
-    for modes 2 and 2, and from 4.40 to 3.01 for modes 1 and 1."""
+    """Return the choice with the modes and phases first that are stiffest with the width rule `stressed`.
+    Stressed widths are computed for the best three pairs of modes and for the lowest pair. They may change the order:
+    on a cantilever at 30 % of the material, the compliance over that of the uncut plate falls from 4.12 to 3.86 for
+    modes 2 and 2, and from 4.40 to 3.01 for modes 1 and 1."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
     carry = {mode: candidate for mode, candidate in leading.items() if not candidate.refused}
     finalists = list(carry.values())[:3]
-    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # the lowest pair has most to gain
+    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # the lowest pair may gain most
     if len(finalists) < 2:
         return choice
 
@@ -201,7 +199,7 @@ def _steps(trial: "StressedTrial", log: Log) -> list[WidthStep]:
 
 
 class StressedTrial(Trial):
-    """Trials of widths for fixed modes and phases."""
+    """Trials of widths with fixed modes and phases."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         super().__init__(preset, analysis, even)
@@ -220,7 +218,7 @@ class StressedTrial(Trial):
         carrying = self.carrying(layers)
         options = self.preset.pattern
         requested = options.width.solid_fraction
-        if options.forces == "optimal":  # `_share` also counts ends that are removed later
+        if options.forces == "optimal":  # `_share` includes ends that are removed later
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
@@ -233,7 +231,7 @@ class StressedTrial(Trial):
         return WidthStep(float(energy.sum()) * carrying.kept, grading, self._clipped_grading(families, next_grading))
 
     def _by_family(self, sheet: Sheet, names: NDArray[np.str_], x: Floats) -> Floats:
-        """Return sums (m, 2), for each face and family, of values x (m',) of the sheet's cells."""
+        """Return sums (m, 2) of values x (m',) on the sheet's cells, for each face and family."""
         sums = []
         for family in self.families:
             cells = np.flatnonzero(names[sheet.family] == family.name)
@@ -247,26 +245,26 @@ class StressedTrial(Trial):
 
 
 START = (0.25, 0.0, 0.5, 0.75)
-"""Phases of the first round if the search chooses both modes. Both families have the same phase. All four are tried
-with a mode 1, else only the first.
-A higher mode rises and falls more often, so that a shift moves its stripes in both directions. On the cantilever these
-phases change the compliance by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4."""
+"""Phases of the first round if the search chooses both modes; both families have the same phase. All four phases are
+tried for pairs with mode 1, else only the first phase.
+A shift hardly matters for higher modes, which rise and fall more often. On the cantilever these phases change the
+compliance by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
 """Phases of the first round, in all combinations: the first list if no mode is searched, the second for one mode."""
-TOGETHER = ((1, 1), (-1, -1))  # Equal moves of both phases.
-AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Moves of one phase or of both.
+TOGETHER = ((1, 1), (-1, -1))  # Moves of both phases.
+AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Moves of one phase, and of both phases.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
-"""Later rounds: number of pairs of modes that continue, best first; step of the phases, in periods; moves."""
+"""Each later round: number of pairs of modes that continue, best first; step of the phases in periods; moves."""
 CONNECTED_SHARE = 0.98
-"""Least share of the material in the largest supported piece of a connected design; other designs rank last."""
+"""Least share of the material that the largest supported piece must have; designs with less rank last."""
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases of both families.
 
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     """Return the candidates for modes and phases that are `auto`, best first.
     The best candidate has the smallest compliance per share of material, and supports every concentrated load. The
-    search tries at most 57 candidates, as many as a topology optimisation has steps. For the width rule `stressed`,
-    trials use graded widths; then `stressed_choice` reorders the best few.
+    search tries at most 57 candidates, as many as a topology optimisation has steps. For the width rule `stressed`, the
+    trials use graded widths; then `stressed_choice` reorders the best candidates.
     Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
@@ -300,7 +298,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
-    """Return the sort key; with three digits, mirror images are equal, and their lower modes or phases come first."""
+    """Return the sort key. Three digits make mirror images equal; lower modes and phases then come first."""
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 
@@ -310,7 +308,7 @@ def _search_rounds(
 ) -> Iterator[Iterable[ModesAndPhases]]:
     families = (preset.pattern.major, preset.pattern.minor)
     is_drawn = [name in preset.pattern.family_names for name in FAMILIES]
-    every = range(1, min(4, computed) + 1)  # the first four modes suffice, as in the paper
+    every = range(1, min(4, computed) + 1)  # four modes, as in the paper
     open_mode = [is_drawn[k] and families[k].mode == AUTO for k in (0, 1)]
     major, minor = (every if open_mode[k] else (families[k].number,) for k in (0, 1))
     open_phase = [is_drawn[k] and families[k].phase == AUTO for k in (0, 1)]
@@ -325,7 +323,7 @@ def _search_rounds(
         for candidate in sorted(candidates.values(), key=_rank):
             leading.setdefault(candidate.mode, candidate)
         finalists = list(leading.values())[:count]
-        if count > 1:  # the lowest pair varies most with its phases
+        if count > 1:  # phases matter most for the lowest pair
             finalists = list(dict.fromkeys([*finalists[:-1], leading[min(leading)]]))
         yield [
             (finalist.mode, _moved_phase(finalist.phase, (a * open_phase[0], b * open_phase[1]), step))

@@ -1,4 +1,4 @@
-"""Quality measures of a pattern in a draft or a design: phases on a chart, directions, and symmetry."""
+"""Quality of a pattern, in a draft or a design: phases on a chart, directions, and symmetry."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -55,17 +55,17 @@ class DesignDraft(NamedTuple):
 def measured_pattern(
     design: PatternedDesign, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
-    """Measure the quality of a pattern; after the cut, measure symmetry on the cells.
+    """Return the quality of a pattern; after the cut, symmetry is measured on the cells.
     For tidied patterns, dead ends and slits after the cut are those of the sheet.
-    symmetry : True to measure the error of the pattern's own symmetry, too, which takes longest.
+    symmetry : True to measure the symmetry error, too, which takes longest.
     cells    : all cells of the cut; None measures the stripes (see `Design.quality`).
-    sheet    : the part of the cells that remains; all material by default."""
+    sheet    : the sheet after slicing; by default all material."""
     chart = pattern_chart(design)
     stripes = pattern_on_chart(design.surface, chart, design.pattern)
     followed = followed_directions(design)
     try:
         confidence = followed.confidence(design.surface.areas)
-    except PatternError:  # the surface has no stress
+    except PatternError:  # no stress
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
     steered = design.pattern.even.steered if design.pattern.even else None
@@ -96,10 +96,10 @@ def _sheet_quality(
 
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
-    """Return the quality of a family, with only those dead ends that the cut sheet still has.
-    An end does not count if its material was removed, or if the member continues, for example as a member of the other
+    """Return the quality of a family, with only those dead ends that exist on the cut sheet.
+    An end does not count if its material was removed, or if its member continues, for example as a member of the other
     family around a singular point of the stress.
-    reach      : metres; a dead end still exists if material is nearer than this.
+    reach      : metres; a dead end exists if material is nearer than this.
     half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
@@ -116,18 +116,17 @@ def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_wid
 
 
 def pattern_chart(design: PatternedDesign) -> Chart:
-    """Return the chart of evenly spaced stripes or of stripes on modes."""
     even = design.pattern.even
     return even.chart if even is not None else modes_chart(design.surface, design.diffusion, design.pattern)
 
 
 def stripes_on_chart(design: PatternedDesign) -> StripeChart:
-    """Return the stripes and kept regions of a design, on the design's chart."""
+    """Return the stripes and kept regions of a design on its chart."""
     return pattern_on_chart(design.surface, pattern_chart(design), design.pattern)
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
-    """Return the surface as its own chart: phases on modes have one value at each vertex, z = frequency x + phase."""
+    """Return the surface as a chart. Phases on modes have one value at each vertex, z (n, 2) = frequency x + phase."""
     modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
     x = np.stack([family.mode(number) for family, number in modes], axis=1)
     z = x * np.array(pattern.frequency) + np.array(pattern.phase)
@@ -135,7 +134,7 @@ def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternRe
 
 
 def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> StripeChart:
-    """Return the stripes and kept regions of a pattern, on a chart."""
+    """Return the stripes and kept regions of a pattern on a chart."""
     d = np.stack([pattern.half_width(name) for name in FAMILIES], axis=1)
     kept_height = np.full(surface.n, -1.0)
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
@@ -147,7 +146,7 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return the stresses along both families and their directions; without signs if the user turns the stripes."""
+    """Return the stresses along both families and their directions; without signs if the user turns stripes."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
@@ -165,15 +164,15 @@ def followed_directions(design: PatternedDesign) -> StressDirections:
 
 
 def roles_of_families(design: PatternedDesign) -> tuple[FamilyRole, FamilyRole]:
-    """Return the roles of the major and the minor family; unknown if the user turns stripes off the stress, or if the
-    stress belongs to several load cases."""
+    """Return the roles of the major and the minor family.
+    The roles are unknown if the user turns the stripes, or if the stress belongs to several load cases."""
     if design.preset.pattern.rotate or design.preset.combines:
         return FamilyRole("major"), FamilyRole("minor")
     return family_roles(design.surface, followed_directions(design))
 
 
 def one_family_message(roles: tuple[FamilyRole, FamilyRole], families: str) -> str:
-    """Return a sentence for a pattern that draws hoops or purlins without the arches that they hold, or ''."""
+    """Return a sentence about hoops or purlins that are drawn without the arches that carry the loads, or ''."""
     drawn_role, omitted_role = sorted(roles, key=lambda role: role.key != families)
     if families == "both" or omitted_role.shape != "arches":
         return ""
@@ -184,7 +183,7 @@ def one_family_message(roles: tuple[FamilyRole, FamilyRole], families: str) -> s
 
 
 def used_symmetry(design: PatternedDesign) -> Symmetry | None:
-    """Return the mirrors and rotations of a pattern; None for a pattern without symmetry."""
+    """Return the mirrors and rotations of a pattern, or None."""
     if design.pattern.even is not None:
         return design.pattern.even.symmetry
     words = design.preset.diffusion.symmetry
@@ -198,8 +197,7 @@ def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
-    """Return `symmetry_error` for the cells of the cut.
-    Here edges of members have moved by up to `slicing.snap`, narrow openings are closed, and corners are round."""
+    """Return `symmetry_error` for the cells of the cut, which have snapped edges and round corners."""
     V, F = cells.surface.V, cells.surface.F
     return _asymmetric_share(
         surface, cells.surface, symmetry, lambda points: cells.material[nearest_places(points, V, F).simplex]
@@ -209,12 +207,12 @@ def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
 def _asymmetric_share(
     surface: Surface, faces: Surface, symmetry: Symmetry, material: Callable[[Floats], Bools], samples: int = 120_000
 ) -> float:
-    """Return the share of the area where material differs from an image, for the worst image of the symmetry.
+    """Return the share of the area where the material differs from its worst symmetric image.
 
     surface  : the uncut surface; rotations and mirrors are about its centroid.
-    faces    : the chart or the cells. Each sample point stands for the same area; points are spread evenly in the
-               faces, so that no row of points lies along the edge of a member.
-    material : returns True for each of the points (p, 3) whose nearest place is material, (p,).
+    faces    : the chart or the cells. Sample points stand for equal areas and are spread evenly in the faces, so that
+               no row of points lies along the edge of a member.
+    material : returns True (p,) for points (p, 3) whose nearest place on the faces is material.
     samples  : approximate number of points times images; 24,000 gave .40 instead of .55 % for eight images."""
     centre = centroid(surface)
     cumulated_area = np.cumsum(faces.areas)
@@ -237,8 +235,8 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
-    """Return the largest group of filled openings with at most `apart` metres between neighbours; None without any.
-    samples : an opening counts as filled if this number of its largest cells is filled."""
+    """Return the largest group of filled openings with at most `apart` metres between neighbours, or None.
+    samples : an opening is filled if this number of its largest cells is filled."""
     openings = openings_of(before)
     if openings is None:
         return None
@@ -259,10 +257,10 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
 
 
 def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
-    """Return the largest plate in which members of a single family touch outside kept regions, or None. Its number of
-    openings is its area over the square of the spacing: no opening exists there."""
+    """Return the largest plate in which members of a single family touch outside kept regions, or None.
+    The plate has no openings; their number is taken as its area divided by the square of the spacing."""
     if options.families == "both":
-        return None  # openings between two families close as a whole, so that the plate ends on members
+        return None  # between two families, openings close as a whole
     touch = pattern.half_width(options.families) >= SOLID
     layers = map(Layer, pattern.names, pattern.fields, pattern.levels, pattern.half_widths)
     kept_layers = [layer for layer in layers if layer.name not in FAMILIES]

@@ -1,4 +1,4 @@
-"""Stage 4: the pattern of a preset, with rounds in which the weight of the sheet depends on the stripes."""
+"""Stage 4: the pattern of a preset, with rounds in which the sheet has only the weight of the stripes."""
 
 from dataclasses import replace
 from functools import partial
@@ -72,9 +72,9 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 
 
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """Return `statics`; in the followed cases each face has only a share (m,) of its weight, but its full stiffness."""
+    """Return `statics` with a share (m,) of the weight of each face in the followed cases, and its full stiffness."""
     layered = any(case.layered is not None for case in statics.cases.values())
-    follow = "layers" if layered else "membrane"  # the first round followed the same stress
+    follow = "layers" if layered else "membrane"  # as in the first round
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
     acting = [_lighter_loading(loading, surface, share) for loading in loadings(preset, surface)]
     lighter_cases = statics_step(preset.model_copy(update={"statics": section}), surface, Log(None), acting).cases
@@ -91,16 +91,16 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
-    """Return angles between principal directions of stresses (m, 3, 3), degrees: a mean, and the 95 % quantile by area.
-    The mean is weighted by area and by the difference of the principal stresses `before`. The quantile refers to the
-    area with clear directions."""
+    """Return angles between principal directions of stresses (m, 3, 3), degrees: mean and 95 % quantile by area.
+    The weight in the mean is the area times the difference of the principal stresses `before`. The quantile is that of
+    the area with clear directions."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
     axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
     angle = np.degrees(np.arctan2(across, np.abs(np.einsum("mi,mi->m", axis_before, axis_after))))
     half_difference = (stress[:, 0] - stress[:, 1]) / 2
     size = surface.areas * half_difference
-    # a direction is clear if half the difference of the principal stresses exceeds a tenth of the stress
+    # directions are clear if half the difference of the principal stresses exceeds a tenth of the stress
     clear = np.flatnonzero(half_difference > 0.1 * np.linalg.norm(before, axis=(1, 2)))
     clear_by_angle = clear[np.argsort(angle[clear])]
     cumulated_area = np.cumsum(surface.areas[clear_by_angle])
@@ -111,7 +111,7 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
 
 
 class EarlierStripes(NamedTuple):
-    """Evenly spaced stripes of an earlier design, on the same surface under the same stress."""
+    """Evenly spaced stripes of an earlier design, with the same surface and stress."""
 
     asked: Pattern
     even: EvenStripes
@@ -119,7 +119,7 @@ class EarlierStripes(NamedTuple):
 
 
 class ChosenMethod(NamedTuple):
-    """The chosen method of drawing stripes, still without widths, and all attempts of the search, best first."""
+    """The chosen method of drawing stripes, without widths, and all attempts of the search, best first."""
 
     way: MethodCandidate
     attempts: tuple[Attempt, ...] = ()
@@ -128,8 +128,8 @@ class ChosenMethod(NamedTuple):
 def chosen_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None = None
 ) -> ChosenMethod:
-    """Choose the method, modes, phases and forces of the stripes; a later step computes their widths.
-    earlier : stripes of an earlier design, reused if only widths and kept regions may have changed."""
+    """Choose the method, modes, phases and forces of the stripes; widths follow in `pattern_stage`.
+    earlier : stripes of an earlier design, used again if only widths and kept regions may have changed."""
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:
         log.note("pattern", f"weight_rounds has no effect on method = '{preset.pattern.method}', only on 'stripes'")
@@ -137,14 +137,10 @@ def chosen_method(
         candidate, attempts = method_step(preset, analysis, log)
     else:
         candidate = _requested_method(preset, analysis, log, earlier)
-    if candidate.even and candidate.even.steered and candidate.even.steered.told:
-        log.note("pattern", candidate.even.steered.told)
-    if candidate.even and (
-        message := one_sided_message(analysis.surface, preset.pattern.region, candidate.even.symmetry)
-    ):
-        log.note("pattern", message)
-    if candidate.even:
-        for message in _idle_frequencies(preset.pattern, analysis.surface):
+    if even := candidate.even:
+        steering_note = even.steered.told if even.steered else ""
+        one_sided = one_sided_message(analysis.surface, preset.pattern.region, even.symmetry)
+        for message in filter(None, (steering_note, one_sided, *_idle_frequencies(preset.pattern, analysis.surface))):
             log.note("pattern", message)
     return ChosenMethod(candidate, attempts)
 
@@ -166,12 +162,12 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
     if message := one_family_message(roles_of_families(draft), candidate.preset.pattern.families):
         log.note("pattern", message)
     resolved_options = None if candidate.preset is preset else candidate.preset.pattern
-    release_freed_memory(4e3 * analysis.surface.m)  # bytes that the drawing of stripes cannot reuse
+    release_freed_memory(4e3 * analysis.surface.m)  # estimate of the freed bytes
     return replace(pattern, asked=resolved_options, attempts=chosen.attempts)
 
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
-    """Return stripes with approximate widths in a tenth of the time, for a picture until the final stripes exist.
+    """Return stripes with approximate widths in a tenth of the time, for a picture before the final stripes exist.
     Round corners and filled openings are missing. Raises PatternError if no width gives the requested share."""
     candidate = chosen.way
     return sketched_step(candidate.preset, analysis, candidate.choice, candidate.grading, candidate.even)

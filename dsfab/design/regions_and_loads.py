@@ -1,4 +1,4 @@
-"""The surface, cut along the outlines of its regions, and the load cases that act on it."""
+"""The surface, cut along the outlines of its regions, and its load cases."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,13 +29,13 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest accepted difference of a region or guide from its image, as a share; both follow edges of triangles."""
+"""Largest accepted difference of a region or guide from its image, as a share of its area, because edges are ragged."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
-    """Return the surface cut along the outlines of the regions of a preset, without its voids.
-    Raises SurfaceError for a region outside of the surface, and for voids that cut a support, a load or a piece of the
-    surface off from the supports."""
+    """Return the surface with cuts along the outlines of the preset's regions; voids are cut out.
+    Raises SurfaceError for a region outside of the surface, and for voids that separate a support, a load or a piece of
+    the surface from the supports."""
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
     for k in voids:
@@ -47,7 +47,7 @@ def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
 
 
 class Acting(NamedTuple):
-    """Supports and loads, whose pickers select vertices of one surface."""
+    """Supports and loads whose pickers select vertices of one surface."""
 
     support: tuple[Support, ...]
     load: tuple[Load, ...]
@@ -55,8 +55,8 @@ class Acting(NamedTuple):
 
 def acting_on(preset: Preset, surface: Surface) -> Acting:
     """Return the supports and the loads of a preset on its surface.
-    Pickers select on the surface without voids: the edge of an oculus is no boundary, and the lowest vertices are those
-    before the void. Raises SurfaceError if nothing remains of the selection of a picker."""
+    Pickers select vertices before voids are cut out, so the edge of an oculus is not a boundary. Raises SurfaceError if
+    all vertices of a picker are inside voids."""
     section = preset.surface
     if not preset.pattern.voids:
         return Acting(section.support, section.load)
@@ -73,15 +73,15 @@ def acting_on(preset: Preset, surface: Surface) -> Acting:
 
 
 def whole_surface(preset: Preset, surface: Surface) -> Surface:
-    """Return the surface of a preset before its voids were removed."""
+    """Return the surface of a preset before its voids are cut out."""
     return _before_voids(preset, surface)[0] if preset.pattern.voids else surface
 
 
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
-    """Return the surface before its voids were removed, and the number (n,) of each vertex of `surface` on it."""
+    """Return the surface before its voids are cut out, and the number (n,) there of each vertex of `surface`."""
     results = derived_results(surface)
     if _before_voids not in results:
-        from dsfab.design.surface_and_statics import base_surface  # an import at the top would be circular
+        from dsfab.design.surface_and_statics import base_surface  # a circular import
 
         cut = with_regions(base_surface(preset), preset.pattern.region)
         results[_before_voids] = cut.whole, cut.vertices
@@ -106,23 +106,20 @@ def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges
 
 
 def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
-    """Return a sentence on regions whose symmetric images are not regions; '' if all images are regions."""
+    """Return a sentence about regions without symmetric images; '' if all images of regions are regions."""
     if symmetry is None:
         return ""
     exceptions = []
     for k, region in enumerate(regions):
         if region.do == "void":
-            continue  # a hole on one side has already removed the symmetry of the surface
+            continue  # the symmetry of the surface already includes its voids
         inside = region.faces(surface)
         differing_areas = [float(surface.areas @ (inside[images] != inside)) for images in symmetry.faces]
         matching = int((np.array(differing_areas) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())
         if matching < symmetry.order:
             exceptions.append(f"{region_key(regions, k)} at {matching}")
-    return (
-        f"the stripes have a symmetry of {symmetry.order} images, but {', '.join(exceptions)} of them only"
-        if exceptions
-        else ""
-    )
+    message = f"the stripes have a symmetry of {symmetry.order} images, but {', '.join(exceptions)} of them only"
+    return message if exceptions else ""
 
 
 def _void_names(preset: Preset) -> str:
@@ -152,8 +149,7 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
 class Loading:
     """A load for which the sheet is solved.
     name    : name of the case or the combination; empty for the sum of all cases.
-    factors : factors of the cases in a combination; None for a case. dsfab solves cases; combinations are their sums.
-    """
+    factors : factors of the cases in a combination; None for a case. Combinations are sums of solved cases."""
 
     name: str
     load: LoadCase
@@ -162,7 +158,7 @@ class Loading:
 
 
 def loadings(preset: Preset, surface: Surface) -> list[Loading]:
-    """Return the cases of a preset, then its combinations, then the sum of all cases if there are several.
+    """Return the cases of a preset, then its combinations, then the sum of several cases.
     Raises SurfaceError for supports and loads without a vertex."""
     section, weight = preset.surface, preset.statics.area_weight
     acting = acting_on(preset, surface)

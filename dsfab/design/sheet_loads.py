@@ -1,4 +1,4 @@
-"""Loads and supports of the cut sheet, transferred from the uncut surface."""
+"""Loads and supports of the uncut surface, transferred to the cut sheet."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -18,10 +18,10 @@ from dsfab.surface import LoadCase, LoadParts, Surface, link_components
 
 @dataclass(frozen=True, eq=False)
 class CoveringLoads:
-    """Material that carries loads on the covering of faces (m,) of an uncut surface, such as glass on a gridshell.
-    to      : (m,) the face that carries the covering of each face: the face itself if it has material; -1 without any.
-    area    : (m,) area of material in each face, m2.    place : (m, 3) centre of that material, metres.
-    opening : (m,) number of the opening that a face belongs to, -1 for faces that carry."""
+    """Material that carries loads on the covering of an uncut surface with m faces, such as glass on a gridshell.
+    to      : (m,) the face with material that carries the covering of each face; -1 without such a face.
+    area    : (m,) area of material in each face, m2.    place : (m, 3) centre of this material, metres.
+    opening : (m,) number of the opening to which a face belongs; -1 for faces with material."""
 
     surface: Surface
     to: Ints
@@ -35,7 +35,7 @@ class CoveringLoads:
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
-        carries = area > 0.02 * surface.areas  # a smaller sliver of material cannot carry a load
+        carries = area > 0.02 * surface.areas  # smaller slivers of material carry no load
         carries = carries if carries.any() else area > 0
         place = np.where(carries[:, None], area_moment / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
         f, g, _ = _face_steps(surface)
@@ -63,7 +63,7 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Move loads (m, 3), N, to the faces that carry them; the moment of an opening goes to its rim if possible."""
+        """Return forces (m, 3), N, on the carrying faces; the moment of an opening acts on its rim if possible."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
         # a face of the rim may carry parts of several openings
@@ -83,7 +83,7 @@ class CoveringLoads:
 
 
 def nearest_faces(surface: Surface, marked: Bools) -> Ints:
-    """Return the marked face nearest to each face (m,), by paths over centres of faces and edges; -1 without a path."""
+    """Return the nearest marked face (m,) to each face, by paths over centres of faces and edges; -1 without a path."""
     f, g, length = _face_steps(surface)
     steps = coo_array((length, (f, g)), shape=(surface.m, surface.m)).tocsr()
     predecessor = dijkstra(
@@ -93,7 +93,7 @@ def nearest_faces(surface: Surface, marked: Bools) -> Ints:
 
 
 def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
-    """Return pairs of neighbouring faces (k,), (k,), and the distance (k,), m, of their centres over their edge."""
+    """Return pairs of neighbouring faces (k,), (k,), and the distance (k,), m, of their centres across the edge."""
     edges = surface.edges
     face, edge = edges.order // 3, edges.of.ravel()[edges.order]
     pairs = np.flatnonzero(edge[1:] == edge[:-1])
@@ -103,8 +103,8 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """Return forces (k, 3), N, at places (k, 3), without resultant, that give each group (k,) its moment (g, 3), N m.
-    They act like a group of bolts with areas `weight` (k,). A group along a line takes no moment about this line."""
+    """Return forces (k, 3), N, at places (k, 3), with zero sum, that give each group (k,) its moment (g, 3), N m.
+    The forces are those of a bolt group with areas `weight` (k,). A group on a line takes no moment about the line."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -112,20 +112,19 @@ def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -
     inertia = np.zeros((count, 3, 3))
     point_inertia = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
     np.add.at(inertia, group, weight[:, None, None] * point_inertia)
-    # a group thinner than sqrt(1e-9) of its length counts as a line, which has no lever arm about itself
+    # a group thinner than sqrt(1e-9) of its length counts as a line
     theta = np.einsum("gij,gj->gi", np.linalg.pinv(inertia, rcond=1e-9, hermitian=True), moment)
     return np.asarray(weight[:, None] * np.cross(theta[group], r))
 
 
-LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"
-"""Remedy, in messages, for a load on material without a support."""
+LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"  # For messages.
 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
-    """Return a clause on the first load on pieces without support; empty if no piece carries such a load.
-    A load moves to the nearest material (`sheet_load`) if the cut removed its own material. A load on a piece
-    without support is lost, even if other material is near. Up to 1 % of a load may be lost.
-    material : all material, loose pieces included.    sheet : the remaining part of the material."""
+    """Return a clause about the first load on pieces without support, or ''.
+    If the cut removed the material of a load, the load moves to the nearest material (`sheet_load`). A load on a piece
+    without support is lost, even near other material. Up to 1 % of a load may be lost.
+    material : all material, with loose pieces.    sheet : the remaining part of the material."""
     dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
         size = np.linalg.norm(load.point, axis=1) * load.loaded
@@ -136,26 +135,26 @@ def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[L
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the `sheet_load` of each load; raises StaticsError as `sheet_load`, and for a lost load."""
+    """Return the `sheet_load` of each load. Raises StaticsError as `sheet_load`, and for a lost load."""
     if lost := lost_load(surface, material, sheet, loads.values()):
         raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)
 
 
 def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the `sheet_load` of each load; the search for faces that carry coverings runs once for all loads."""
+    """Return the `sheet_load` of each load; the faces that carry coverings are searched once for all loads."""
     covered = any(load.parts is not None and load.parts.covered.any() for load in loads.values())
     covering = CoveringLoads.for_sheet(surface, sheet) if covered else None
     return {name: sheet_load(surface, sheet, load, covering) for name, load in loads.items()}
 
 
 def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: CoveringLoads | None = None) -> LoadCase:
-    """Return the supports and loads of the uncut surface on a sheet that was cut from it, see `sheet_supports`.
+    """Return the supports and loads of the uncut surface on a sheet that was cut from it.
 
-    A concentrated force on a vertex of the sheet stays there; any other moves to the nearest vertex of the sheet:
-    resultants are exact, and moments change by the distance moved. Weight and loads on material act on the remaining
-    material. A load on a covering goes to the nearest material (see `CoveringLoads`), with resultant and moment. The
-    `parts` of the result refer to vertices and cells of the sheet.
+    A concentrated force on a removed vertex moves to the nearest vertex of the sheet: its resultant is exact, its
+    moment changes by force times distance. Weight and loads on material act on the remaining material. A load on a
+    covering acts on the nearest material with its resultant and moment (see `CoveringLoads`). The `parts` of the result
+    refer to vertices and cells of the sheet.
 
     covering : the `CoveringLoads` of this sheet, if the caller has it.
 
@@ -175,8 +174,8 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
     """Return the supports of the uncut surface on a sheet that was cut from it, without a load.
-    Springs have the stiffness of the remaining vertices. Edges inside a clamped edge of the uncut surface are clamped.
-    Raises StaticsError if no supported vertex remains."""
+    Springs at removed vertices are lost. Edges inside a clamped edge of the uncut surface are clamped. Raises
+    StaticsError if no supported vertex remains."""
     sheet_vertex = sheet.same_vertex()
     fixed = sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges))
     remaining = np.flatnonzero(sheet_vertex >= 0)
@@ -195,7 +194,7 @@ def _moved_forces(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
     if is_lost.any():
         nearest = cKDTree(sheet.surface.V).query(surface.V[acting[is_lost]])
         moved, target[is_lost] = np.asarray(nearest[0]), np.asarray(nearest[1])
-        if moved.max() > 0.1 * surface.size:  # material farther away cannot carry the load
+        if moved.max() > 0.1 * surface.size:
             place = surface.V[acting[is_lost][moved.argmax()]].round(3).tolist()
             raise StaticsError(
                 f"the load at {place} m has no material within {moved.max():.3g} m; set pattern.keep to protect loads"
@@ -206,13 +205,13 @@ def _moved_forces(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
 
 
 def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
-    """Return vertices of a sheet (n',) with a support of the uncut surface; springs are supports, too."""
+    """Return a mask (n',) of vertices of a sheet that a support or spring of the uncut surface holds."""
     edges = _edges_or_none(load.fixed_edges)
     return sheet.vertices_between(surface, load.supported, None if edges is None else np.asarray(edges.any(axis=1)))
 
 
 def _edges_or_none(edges: Bools) -> Bools | None:
-    """Return supported edges; None if a load case defines no edges, because then its vertices decide."""
+    """Return supported edges; None if the load case has no edges, so that vertices decide."""
     return edges if len(edges) else None
 
 

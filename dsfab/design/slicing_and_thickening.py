@@ -21,14 +21,14 @@ from dsfab.slicing.measures.widths import kept_cells
 from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, offsets, proven_cells, thicken, with_extras
 
-FILLED_PLATE = 5
-"""Number of neighbouring filled openings that count as a plate, for a note; the ends of a member have up to three."""
+FILLED_PLATE = 5  # Neighbouring filled openings that form a plate; at the ends of a member up to three are filled.
 
 
 def slicing_step(
     preset: Preset, surface: Surface, statics: StaticsResult, pattern: PatternResult, log: Log
 ) -> SlicingResult:
-    """Cut the surface; return the cells and the remaining sheet: stage 5. Raises PatternError without any material."""
+    """Cut the surface; return the cells and the remaining sheet, the result of stage 5.
+    Raises PatternError without any material."""
     options = preset.slicing
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
         finishing, trial = finishing_options(preset, surface, pattern), pattern.trial
@@ -69,14 +69,17 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
         log.note("slicing", f"{which} were cut off or straightened at {places_phrase(stubs)}")
     if filled:
         than = length(options.opening) + (", or far smaller than most," * (preset.slicing.min_opening is None))
-        openings, verb = (f"{filled} openings", "were") if filled > 1 else ("an opening", "was")
+        openings, verb = _count_phrase(filled, "an opening", "openings"), "were" if filled > 1 else "was"
         log.note("slicing", f"{openings} smaller than {than} {verb} filled")
     if merged:
-        log.note("slicing", f"{_slits(merged)} narrower than the members beside: filled, so that these members merge")
+        openings = _count_phrase(merged, "1 opening was", "openings were")
+        log.note("slicing", f"{openings} narrower than the members beside: filled, so that these members merge")
     if bridged:
-        log.note("slicing", f"{_bridges(bridged)} where openings are narrower than {length(options.neck)}")
+        bridges = _count_phrase(bridged, "a bridge was", "bridges were")
+        log.note("slicing", f"{bridges} built where openings are narrower than {length(options.neck)}")
     if spikes:
-        log.note("slicing", f"{_spikes(spikes)} cut off, because they projected into openings")
+        teeth = _count_phrase(spikes, "a tooth of a member was", "teeth of members were")
+        log.note("slicing", f"{teeth} cut off, because they projected into openings")
     if widened:
         least = length(preset.slicing.min_member or 0)
         log.note("slicing", f"members were widened to {least} at {places_phrase(widened)}")
@@ -101,20 +104,8 @@ def filled_plate(
     return filling
 
 
-def _slits(count: int) -> str:
-    return f"{count} opening{'s were' if count > 1 else ' was'}"
-
-
-def _contacts(count: int) -> str:
-    return f"{count} point contacts were" if count > 1 else "a point contact was"
-
-
-def _bridges(count: int) -> str:
-    return f"{count} bridges were built" if count > 1 else "a bridge was built"
-
-
-def _spikes(count: int) -> str:
-    return f"{count} teeth of members were" if count > 1 else "a tooth of a member was"
+def _count_phrase(count: int, single: str, several: str) -> str:
+    return f"{count} {several}" if count > 1 else single
 
 
 def _fillet_message(radius: float, radii: Floats) -> str:
@@ -165,7 +156,8 @@ def _note_slicing(
         message = f"{len(loose)} of {len(all_pieces)} pieces reach no support and were {outcome} ({area:.3g} m2)"
         log.note("slicing", f"{message}{_one_family_hint(preset)}")
     if pinches:
-        log.note("slicing", f"{_contacts(pinches)} {'joined' if preset.slicing.pinch == 'join' else 'split'}")
+        contacts = _count_phrase(pinches, "a point contact was", "point contacts were")
+        log.note("slicing", f"{contacts} {'joined' if preset.slicing.pinch == 'join' else 'split'}")
     unsupported_loads = np.flatnonzero(load.loaded & (sheet.same_vertex() < 0))
     if lost:
         log.note("slicing", f"{lost}; {LOST_LOAD_REMEDY}")
@@ -182,13 +174,13 @@ def _note_slicing(
 
 
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
-    """Note loads that differ on the cut sheet, because the directions of stripes follow loads on the uncut sheet."""
+    """Note loads that differ between the uncut sheet, which sets the directions of stripes, and the cut sheet."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(part.weight.any() for part in parts):
         areas = surface.area, sheet.surface.area
         uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
         message = f"the cut sheet weighs {sheet_weight}, which all its results include"
-        if not preset.pattern.rounds:  # with rounds of weight, the pattern's note states it
+        if not preset.pattern.rounds:  # rounds of weight have their own note
             message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):
@@ -196,7 +188,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
-    """Thicken the sheet: stage 6. Offsets are those of the uncut surface, with smooth normals, carried through the cut.
+    """Thicken the sheet: stage 6. Offsets follow the smooth normals of the uncut surface, interpolated on the cells.
     Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):

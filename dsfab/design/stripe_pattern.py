@@ -1,4 +1,4 @@
-"""Stage 4: stripes of material, and the regions that are material besides the stripes."""
+"""Stage 4: layers of material, which are stripes and kept regions, with widths for the requested share."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -33,21 +33,20 @@ from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, S
 from dsfab.slicing import PolygonMesh, TrialCut, tidied_polygons
 from dsfab.surface import Surface
 
-EXACT = 1e-9  # Shares that differ by less are equal, because rounding depends on the order of the sum.
-COUNTED = 2  # Sample points along each side of a face, for the rough measure of material that begins a search.
+EXACT = 1e-9  # Shares that differ by less than this count as equal, because sums have rounding errors.
+COUNTED = 2  # Sample points along each side of a face, for rough shares of material at the beginning of a search.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Factors on the approximate widths, which decide which openings of crowded members close.
-If widths vary much, closed openings alone may exceed the requested share. A smaller factor closes fewer openings."""
-SHARE_SNAP = 0.05
-"""Snap fraction of measuring cuts: the default of slicing.snap, because no stage depends on a later section."""
+"""Factors on the approximate widths that decide which openings of crowded members close; smaller factors close fewer.
+If widths vary much, the closed openings alone may exceed the requested share."""
+SHARE_SNAP = 0.05  # Snap fraction for measuring cuts: the default of slicing.snap, whose section comes later.
 
 
 class WidthSearch(NamedTuple):
     """Options of the search for widths with which layers cover pattern.width.solid_fraction of the surface.
     share     : returns the share of the surface that layers cover.
-    tolerance : accuracy of the share.    guess : width factor of a similar pattern, which saves time, or 0.
-    counted   : a faster, less accurate function than `share`, for the first part of the search.
-    added     : share that round corners add; the share of the stripes is the requested share minus this share."""
+    tolerance : accuracy of the share.    guess : width factor of a similar pattern, or 0.
+    counted   : a faster, less accurate function than `share`, for the beginning of the search.
+    added     : share that round corners add; stripes get the requested share minus this share."""
 
     share: Callable[[Sequence[Layer]], float]
     tolerance: float
@@ -58,7 +57,7 @@ class WidthSearch(NamedTuple):
 
 @dataclass
 class _MeasuredShares:
-    """Measure the share of the surface that layers cover, by cuts.
+    """Function that measures by cuts which share of the surface layers cover.
     reached : all measured shares.    layers, polygons : the latest layers, and the surface cut along them.
     trial   : the latest finished cut."""
 
@@ -70,7 +69,7 @@ class _MeasuredShares:
     trial: TrialCut | None = None
 
     def __call__(self, layers: Sequence[Layer]) -> float:
-        self.forget()  # this frees memory for the next cut
+        self.forget()  # to free memory for the next cut
         surface = self.given.surface
         fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
         self.polygons = tidied_polygons(surface, fields, levels, SHARE_SNAP, tidy_of(self.preset, self.given, layers))
@@ -82,12 +81,12 @@ class _MeasuredShares:
         return min(self.reached, key=lambda one: abs(one - target))
 
     def added(self, pattern: PatternResult) -> float:
-        """Finish the latest layers as a trial cut, and return the share that finishing, mainly round corners, adds."""
+        """Finish the latest layers as a trial cut; return the share that finishing adds, mainly by round corners."""
         self.trial = trial_cut(self.preset, self.given.surface, pattern, self.polygons)
         return self.trial.added_area / self.given.surface.area if self.trial else 0.0
 
     def bridged(self) -> float:
-        """Continue the latest trial cut with bridges and least widths, and return the share that they add."""
+        """Add bridges and least widths to the latest trial cut; return the share that they add."""
         if self.trial is None:
             return 0.0
         self.trial, share = with_bridges(self.preset, self.given.surface, self.trial)
@@ -105,7 +104,7 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern. Kept regions precede stripes, because a layer does not cut the material of earlier layers.
+    """Return the pattern. Kept regions come before stripes, because a layer does not cut earlier layers.
     preset  : preset with chosen modes and phases.    choice : choice of modes and phases, if they were `auto`.
     grading : (n, f) relative half-widths.    even : evenly spaced stripes; see `drawable_families`."""
     options, surface = preset.pattern, analysis.surface
@@ -152,11 +151,11 @@ def sketched_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return `pattern_step` with approximate widths, from sample points instead of cuts."""
+    """Return the pattern of `pattern_step` with approximate widths, from sample points instead of cuts."""
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
-    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # sample points are no more accurate
+    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # the accuracy of sample points
     layers, factor = solved_layers(preset, surface, kept_layers, families, search)
     pattern = pattern_result(preset, families, layers)
     return replace(pattern, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, analysis, layers))
@@ -171,8 +170,8 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 def least_width(preset: Preset, surface: Surface) -> float:
     """Return the default least width (m) of evenly spaced members of varying width.
-    Graded members are at least as wide as the sheet is thick; stressed members at least as wide as a workshop can make.
-    Without this limit slicing would widen each of them slowly, and take the material from members with more force."""
+    It is the thickness for graded members, and the least width of a workshop for stressed members. Without this limit
+    slicing would widen each member slowly, and take the material from members with larger forces."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -186,7 +185,7 @@ def _note_spacings(preset: Preset, families: Sequence[DrawableFamily], log: Log)
 
 
 def pattern_result(preset: Preset, families: Sequence[DrawableFamily], layers: Sequence[Layer]) -> PatternResult:
-    """Return the pattern of layers that are cut together, with frequencies, modes and phases of its families."""
+    """Return the pattern of layers that are cut together, with the frequencies, modes and phases of its families."""
     options = preset.pattern
     names, fields, levels, half_widths, _ = zip(*layers, strict=True)
     stripes = {family.name: family.stripes for family in families}
@@ -203,7 +202,7 @@ def solved_layers(
     families: Sequence[DrawableFamily],
     search: WidthSearch,
 ) -> tuple[list[Layer], float]:
-    """Return kept layers and stripes with the requested share, and the width factor that gives this share.
+    """Return kept layers and stripes with the requested share, and their width factor.
     Raises PatternError if no widths give the share."""
     width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow_stress else 1.0)
@@ -214,11 +213,11 @@ def solved_layers(
     share, tolerance, guess, counted, added = search
     if width.solid_fraction:
         requested = width.solid_fraction - added
-        slope = 0.85 * requested if guess else 0.0  # not 1: crossing members share an area
+        slope = 0.85 * requested if guess else 0.0  # less than 1, because crossing members share an area
         if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
-            counted = counted_share(surface, kept_layers, COUNTED)  # the rough widths decide which openings close
+            counted = counted_share(surface, kept_layers, COUNTED)  # rough widths decide which openings close
         if counted is not None:
-            with suppress(PatternError):  # the final search raises a more precise error
+            with suppress(PatternError):  # the final search raises a better error
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), requested, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
         jump = width.solid_fraction_tolerance
@@ -243,9 +242,9 @@ def _layers_with_share(
 
     solve : takes a function from x to the share at x times `factor`; returns the x of the requested share.
 
-    The search repeats with slightly more or fewer closed openings in two cases: if the share jumps because an opening
-    is about to close, and if the widths are more than 2.5 times off those that decided the openings. Many closed
-    openings with thin stripes have the same share as few closed openings with thick stripes."""
+    The search repeats with slightly more or fewer closed openings in two cases: if a closing opening makes the share
+    jump, and if the final widths are over 2.5 times off `factor`. Many closed openings with thin stripes have the same
+    share as few closed openings with thick stripes."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)
@@ -268,7 +267,7 @@ def _layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Layers at multiples of a factor, with a cache of the latest layers, which the search mostly returns."""
+    """Layers at multiples of a factor; the latest layers are cached."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -276,7 +275,7 @@ class _CachedLayers:
     last: tuple[float, list[Layer]] = (-1.0, [])
 
     def layers_at(self, relative: float) -> list[Layer]:
-        """Return the layers whose widths are `relative` times the factor."""
+        """Return the layers whose widths are `relative` times the widths at the factor."""
         if self.last[0] != relative:
             self.last = relative, self.layers(self.factor * relative, self.closing)
         return self.last[1]
@@ -289,7 +288,7 @@ def drawable_families(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> Sequence[DrawableFamily]:
-    """Return the families of stripes; major stripes along the first principal stress, minor stripes along the second.
+    """Return the families of stripes: major stripes along the first principal stress, minor stripes along the second.
 
     radius  : distance (m) over which slopes are averaged, see `Widths.radius`.
     grading : (n, f) relative half-widths for the rule `stressed`; by default those of the rule `graded`.
@@ -322,7 +321,7 @@ def drawable_families(
 
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
-    """Return the size of the stress (n, 2) along both families, divided by the mean of both; it sets graded widths.
+    """Return the size of the stress (n, 2) along each family, divided by the mean of both families, for graded widths.
     Raises PatternError if the stress is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:

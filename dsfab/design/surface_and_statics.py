@@ -45,13 +45,12 @@ from dsfab.surface import SizeField, Surface, change_sizes, coincident, parallel
 
 @dataclass(frozen=True, eq=False)
 class SolvedSheet:
-    """The loadings of a preset, solved by one factorisation, then their combinations as sums.
+    """Solution of the loadings of a preset: one factorisation for all cases; combinations are sums.
 
     plane     : True if the sheet was solved in its plane, without bending.
     made      : (N, N) stiffness, N/m, by the elements that solved the sheet.
     factor_of : makes the factor, and caches it for repeated use.
-    answers   : equilibrium under each loading.    sigma : (m, 3, 3) stress of the middle surface (Pa) for each
-                loading."""
+    answers   : equilibrium under each loading.    sigma : (m, 3, 3) middle-surface stress (Pa) for each loading."""
 
     acting: Sequence[Loading]
     plane: bool
@@ -81,7 +80,7 @@ def solved_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Lo
 
 
 def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
-    """Add the seconds of a factorisation to the timing row `factor`, which is part of the row of the caller."""
+    """Return `factor_of`, which then also adds its seconds to the timing row `factor`."""
 
     def factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
         with log.row("factor"):
@@ -92,8 +91,8 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 MOST_VERTICES = 200_000
 """Largest number of vertices for which accurate elements replace hinges.
-The factor of these elements takes 17 GB at 250,000 vertices (hinges: 3.6 GB) and four times the time of all other
-stages. A design with a million vertices, which needs 16 GB with hinges, would never finish."""
+At 250,000 vertices, their factor takes 17 GB (hinges: 3.6 GB) and four times the time of all other stages. A design
+with a million vertices, which needs 16 GB with hinges, would never finish."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
@@ -114,7 +113,7 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
     results: list[Answers] = []
     with log.row("answers"):
         for loading, answer in zip(solved.acting, solved.answers, strict=True):
-            # natural frequencies do not depend on the load
+            # frequencies do not depend on the load
             case_request = replace(requested, frequencies=0) if results else requested
             case = SolvedCase(loading.load, loading.spread, answer, sheet.elements, solved.factor_of, solved.plane)
             result = sheet_answers(model, case, stiffness, case_request, other_factors)
@@ -178,7 +177,7 @@ def _note_case_answers(under: str, answers: Answers, sheet: Statics, log: Log) -
         )
 
 
-BENDING_SHARE = 0.5  # Least share of the strain energy in bending for which statics.stress = "auto" follows all layers.
+BENDING_SHARE = 0.5  # Least share of bending in the strain energy for which statics.stress = "auto" means layers.
 
 
 class FollowedStress(NamedTuple):
@@ -195,8 +194,8 @@ def followed_layers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers], sigma: Sequence[Floats]
 ) -> FollowedStress:
     """Return the stress that statics.stress selects, for a sheet that was solved with bending.
-    sigma : (m, 3, 3) stress of its middle surface (Pa), for each loading.
-    Raises StaticsError if elements that give reliable moments cannot solve the sheet."""
+    sigma : (m, 3, 3) stress of the middle surface (Pa), for each loading.
+    Raises StaticsError if elements with reliable moments cannot solve the sheet."""
     option = preset.statics.stress
     if is_slab(surface, answers):
         lower = [stress.tensor("bottom") for stress in _moment_stresses(preset, surface, acting, answers)]
@@ -218,8 +217,8 @@ def followed_layers(
 
 
 def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]) -> float:
-    """Return the share of strain energy that bending stores, 0 to 1, under the followed loads; 0 without energy.
-    `hinge` elements give a rough value only (see `hinge_energy`)."""
+    """Return the share of bending in the strain energy under the followed loads, 0 to 1; 0 without energy.
+    With `hinge` elements the share is rough (see `hinge_energy`)."""
     weights = [preset.followed_weights.get(loading.name, 0.0) for loading in acting]
     bent = sum(w * float(a.stress.bending_energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
     total = sum(w * float(a.stress.energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
@@ -227,7 +226,7 @@ def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], a
 
 
 def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
-    """Return True if the surface is flat and its middle surface is almost free of stress under all loadings."""
+    """Return True if the surface is flat, and its middle surface is almost free of stress under all loadings."""
     stresses = [answer.stress for answer in answers]
     membrane, bending = [s.membrane for s in stresses], [s.bending for s in stresses]
     return surface.is_flat and only_bends(np.stack(membrane), np.stack(bending))
@@ -236,7 +235,7 @@ def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
 def _moment_stresses(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
-    """Return the stress under each loading. If hinge elements solved the sheet, other elements solve it again."""
+    """Return the stress under each loading, from a second solution if hinge elements solved the sheet."""
     if answers[0].elements.bending != "hinge":
         return [answer.stress for answer in answers]
     model = preset.statics.sheet().model_for(surface)
@@ -264,8 +263,8 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
-"""Limits of a surface's size over its thickness; outside of them units are wrong, and dsfab refuses the preset."""
-USUAL_SLENDERNESS = (10.0, 5e3)  # Usual range of a surface's size over its thickness; a note reports values outside.
+"""Range of a surface's size divided by its thickness; dsfab refuses other values, because units are wrong."""
+USUAL_SLENDERNESS = (10.0, 5e3)  # Usual range of the size divided by the thickness; a note reports values outside.
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
@@ -274,7 +273,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
-        is_python_mesh = isinstance(preset.surface, MeshSurface)  # a Python mesh has no key surface.unit
+        is_python_mesh = isinstance(preset.surface, MeshSurface)  # without the key surface.unit
         python_unit, file_unit = 'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,', "surface.unit (mm, m, ...)"
         unit = python_unit if is_python_mesh else file_unit
         raise SurfaceError(f"{message}, which is impossible; check {unit} and statics.thickness (metres)")
@@ -287,7 +286,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
 
 
 def checked_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
-    """Return `solved_sheet` after checks of scale and points. Raises SurfaceError for impossible proportions."""
+    """Return `solved_sheet` after checks of scale and points. Raises SurfaceError for an impossible scale."""
     check_scale(preset, surface, log)
     for text in off_surface(preset, surface):
         log.note("statics", text)
@@ -298,8 +297,7 @@ def statics_step(
     preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = (), solved: SolvedSheet | None = None
 ) -> StaticsResult:
     """Solve all load cases, and compute the results that [statics] requests.
-    acting : loads that replace those of the preset.
-    solved : result of `checked_sheet`, if the caller has it."""
+    acting : loads in place of those of the preset.    solved : result of `checked_sheet`, if the caller has it."""
     solved = solved or checked_sheet(preset, surface, log, acting)
     answers = answers_step(preset, surface, solved, log)
     with log.row("stress"):
@@ -313,18 +311,18 @@ def statics_step(
 
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
     """Return the statics without accurate elements, for a sketch.
-    None if the design needs no other elements, or if the stress that the pattern follows may depend on them."""
+    None if the design uses no accurate elements, or if the stress that the pattern follows may depend on them."""
     sheet = preset.statics
     if sheet.analyses.elements_for(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
     if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDING_SHARE / 2:
-        return None  # hinge elements give only a rough share
+        return None  # the share is rough, so half of the limit counts
     return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 
 def same_followed_stress(rough: StaticsResult, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the same stress under both results, in every case."""
+    """Return True if the pattern follows the same stress in both results, in every case."""
     pairs = ((case.followed_stress, rough.cases[name].followed_stress) for name, case in statics.cases.items())
     return all(np.array_equal(*pair) for pair in pairs)
 
@@ -351,7 +349,7 @@ def _statics_result(
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
-    """Return the surface (m), cut along the outlines of regions: stage 1."""
+    """Return the surface (m), cut along the outlines of regions, the result of stage 1."""
     with log.stage("surface", "reading the mesh" if hasattr(preset.surface, "file") else "making the shape"):
         surface = base_surface(preset, log)
         if preset.pattern.region:
@@ -368,8 +366,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
 
 def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     """Return the surface before it is cut along regions.
-    If [surface] requests so, edges are shorter where the stress changes; statics on even triangles find these places.
-    """
+    If [surface] requests it, edges are shorter where the stress changes, by statics on a mesh of even triangles."""
     section = preset.surface
     if not isinstance(section, OwnSurface):
         return section.build()

@@ -26,7 +26,7 @@ LISTED: dict[Any, Any] = {"support": Support, "combination": Combination, "guide
 
 
 def mistakes(error: ValidationError, model: type[BaseModel]) -> str:
-    """Return all mistakes that pydantic reports for a preset or one of its sections, each once."""
+    """Return all mistakes that pydantic reports for a preset or a section, each once."""
     return "; ".join(dict.fromkeys(_sentence(detail, model) for detail in error.errors()))
 
 
@@ -40,7 +40,7 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
         return f"{key} is missing"
     if kind.startswith("union_tag") or kind == "model_attributes_type":
         return _unknown_kind(key, detail)
-    if kind == "value_error":  # for example, if two keys exclude each other
+    if kind == "value_error":
         return f"{key}: {detail['ctx']['error']}" if key else str(detail["ctx"]["error"])
     hint = ""
     if kind == "literal_error":
@@ -48,7 +48,7 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
         hint = did_you_mean(str(detail["input"]), allowed)
         if allowed == ["auto"]:
             hint = f" or a number{hint}"
-    if kind == "string_pattern_mismatch" and ".-]" in detail["ctx"]["pattern"]:  # the pattern of a name
+    if kind == "string_pattern_mismatch" and ".-]" in detail["ctx"]["pattern"]:  # a name
         letters = "letters a to z, digits" if "A-Z" in detail["ctx"]["pattern"] else "letters, digits, spaces"
         return f"{key} = {_short_repr(detail['input'])}: use {letters} and the marks _ . - after a letter or digit"
     text = detail["msg"].removeprefix("Input ").replace("a valid tuple", "a list")
@@ -98,7 +98,7 @@ def _known_beside(loc: tuple[int | str, ...], model: Any) -> list[str]:
             model = field.annotation
     if dataclasses.is_dataclass(model):
         return [field.name for field in dataclasses.fields(model)]
-    return list(getattr(model, "model_fields", ()))  # a union that no tag resolves has no keys
+    return list(getattr(model, "model_fields", ()))  # a union without a valid tag has no keys
 
 
 def _by_stated_tag(union: Any) -> dict[str, Any]:
@@ -113,8 +113,8 @@ def combines(loads: Sequence[Load], follow: str | None) -> bool:
 def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the weight of each case or combination whose stress the pattern follows, by its name.
-    The default weight is 1; the result omits names with weight 0. See `combined_names` for a sum."""
+    """Return the weight of each case or combination whose stress the pattern follows, by name, without zero weights.
+    The default weight is 1. `combined_names` lists the names in a sum."""
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
@@ -122,14 +122,15 @@ def follow_weights(
 
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
-    """Return the names whose stresses a combined pattern adds: all combinations except those for displacements (SLS).
-    If there are only SLS combinations, return these; without any combination, return the cases."""
+    """Return the cases or combinations whose stresses a combined pattern adds.
+    These are all combinations except for displacements (SLS), else all combinations, else all cases."""
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the cases and combinations to check in a limit state: those of this state, else of none, else all."""
+    """Return the cases and combinations to check in a limit state.
+    These are the names with this state; if there are none, the names without a state; else all names."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):
@@ -191,18 +192,18 @@ SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
 
 
 def with_material(values: Any) -> Any:
-    """Fill missing keys of the table [statics] with values of its material; an unknown material changes nothing."""
+    """Fill missing keys of the table [statics] with values of its material, if the material is known."""
     name = values.get("material") if isinstance(values, Mapping) else None
     if not isinstance(name, str):
         return values
     try:
         return {**material_named(name).values, **values}
-    except PresetError:  # `known_name` reports the unknown material together with all mistakes of the preset
+    except PresetError:  # `known_name` reports this mistake together with all others of the preset
         return values
 
 
 def known_name(name: str | None) -> str | None:
-    """Return a material's name as the list of materials spells it; raises ValueError for an unknown name."""
+    """Return a material's name in the spelling of the list of materials; raises ValueError for an unknown name."""
     try:
         return None if name is None else material_named(name).name
     except PresetError as error:
@@ -210,24 +211,24 @@ def known_name(name: str | None) -> str | None:
 
 
 def own_values(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the material keys of a complete [statics] whose values differ from those of the named material."""
+    """Return the material keys of a complete [statics] whose values differ from those of its material."""
     material_values = MATERIALS[values["material"]].values if values.get("material") else {}
     return {key: values[key] for key in KEYS if values[key] != material_values.get(key)}
 
 
 def drop_material_values(values: Any, changes: Mapping[str, Any]) -> None:
-    """Remove the old material's values from the table [statics] if `changes` (dotted keys) name another material."""
+    """Remove the old material's values from the table [statics] if `changes` (dotted keys) name a new material."""
     if "statics.material" in changes and isinstance(values, dict):
         for key in KEYS:
             if f"statics.{key}" not in changes:
                 values.pop(key, None)
 
 
-AUTO_THICKNESS = float("inf")  # Stands for a thickness that sizing chooses; a preset file says "auto".
+AUTO_THICKNESS = float("inf")  # Value of `statics.thickness = "auto"`: sizing chooses the thickness.
 
 
 def thickness_or_auto(value: Any, check: Callable[[Any], float]) -> float:
-    """Return a thickness (m), or `AUTO_THICKNESS` for the word auto; raises ValueError for another word."""
+    """Return a thickness (m), or `AUTO_THICKNESS` for "auto"; raises ValueError for any other text."""
     if isinstance(value, str) and value.strip().lower() == "auto":
         return AUTO_THICKNESS
     try:
@@ -239,12 +240,12 @@ def thickness_or_auto(value: Any, check: Callable[[Any], float]) -> float:
 
 
 def auto_or_metres(thickness: float) -> float | str:
-    """Return the value of a preset file for a thickness (m): a number, or the word auto."""
+    """Return a thickness (m) as a preset file has it: a number, or "auto"."""
     return "auto" if thickness == AUTO_THICKNESS else thickness
 
 
 def modulus(value: float) -> float:
-    """Return the modulus (Pa); raises ValueError for a value so small that the user must have meant GPa or MPa."""
+    """Return the modulus (Pa); raises ValueError for a value that must be in GPa or MPa."""
     if 0 < value < 1000:
         raise ValueError(f"{value:g} Pa is too small for a stiffness; write {value:g}e9 for {value:g} GPa")
     if 0 < value < SOFTEST:
@@ -253,7 +254,7 @@ def modulus(value: float) -> float:
 
 
 def specific_mass(value: float) -> float:
-    """Return the density (kg/m3), 0 for no weight; raises ValueError if the user must have meant t/m3 or g/cm3."""
+    """Return the density (kg/m3), 0 for no weight; raises ValueError for a value that must be in t/m3 or g/cm3."""
     if 0 < value < LIGHTEST:
         raise ValueError(
             f"{value:g} kg/m3 is too little for a solid; write {1000 * value:g} for {value:g} t/m3 or g/cm3"
@@ -262,13 +263,13 @@ def specific_mass(value: float) -> float:
 
 
 def resistance(value: float) -> float:
-    """Return the strength (Pa), 0 for no comparison; raises ValueError if the user must have meant MPa."""
+    """Return the strength (Pa), 0 for no comparison; raises ValueError for a value that must be in MPa."""
     if 0 < value < WEAKEST:
         raise ValueError(f"{value:g} Pa is too small for a strength; write {value:g}e6 for {value:g} MPa")
     return value
 
 
 def require_strength(material: str | None, strength: float) -> None:
-    """Raise PresetError if neither a material nor a strength defines the resistance of members."""
+    """Raise PresetError without a material and without a strength."""
     if not material and not strength:
         raise PresetError(NO_STRENGTH)

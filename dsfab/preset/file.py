@@ -1,4 +1,4 @@
-"""Presets as TOML files: dsfab finds, reads, overrides and writes them, and reports each mistake in one sentence."""
+"""Presets as TOML files: search, reading, overrides and writing, with a message for each mistake."""
 
 import copyreg
 import re
@@ -25,8 +25,8 @@ _LIST = re.compile(r"""\[\n((?: +(?:[^\s\[\]{},"]+|"(?:[^"\\\n]|\\.)*"),\n)+) *\
 def load_preset(
     name_or_path: str | Path, overrides: Mapping[str, Any] | None = None, mesh: str | Path | None = None
 ) -> Preset:
-    """Return a preset: a shipped one by its name ("dome"), or one in a TOML file or in a folder that `build` wrote.
-    overrides : dotted keys and values that replace values of the file, e.g. {"pattern.major.frequency": 12}.
+    """Return a preset by the name of a shipped preset ("dome"), by its TOML file, or by a folder of `dsfab build`.
+    overrides : dotted keys with values that replace those of the file, e.g. {"pattern.major.frequency": 12}.
     mesh      : a mesh file that replaces the preset's surface; the supports and loads of the preset stay.
     Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values."""
     path = _find(name_or_path)
@@ -49,10 +49,10 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return `preset` with new values at dotted keys; raises PresetError as `load_preset`, and for another type."""
+    """Return the preset with new values at dotted keys. Raises PresetError as `load_preset`, or without a preset."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
-    touched = {key.partition(".")[0] for key in changes}  # only changed sections need new checks
+    touched = {key.partition(".")[0] for key in changes}  # unchanged sections need no checks
     values = preset.model_dump(mode="json", exclude_none=True, include=touched)
     _override_all(values, changes)
     unchanged = {name: getattr(preset, name) for name in Preset.model_fields if name not in touched}
@@ -68,7 +68,7 @@ def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """Convert 'pattern.major.frequency=12' to (key, 12); TOML or text. Raises PresetError without '='."""
+    """Return key and value of a text such as 'pattern.major.frequency=12'. Raises PresetError without '='."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise PresetError(f"--set {text!r} is not KEY=VALUE; write for instance --set pattern.major.frequency=12")
@@ -79,7 +79,7 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 
 def require_mesh(preset: Preset) -> None:
-    """Raise PresetError for a shipped preset that needs the user's mesh; the message names options of the command."""
+    """Raise PresetError for a shipped preset that needs the user's mesh; the message is for the command line."""
     if isinstance(surface := preset.surface, FileSurface) and surface.waits:
         raise PresetError(
             f"preset {preset.name} needs your mesh: add --mesh FILE, and --unit mm if the file is in millimetres"
@@ -88,7 +88,7 @@ def require_mesh(preset: Preset) -> None:
 
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset, defaults included, as TOML that builds the same design again.
-    A material appears as its name, together with the values that differ from those of the material.
+    A material is written by its name, with the values that differ from those of the material.
     for_people : True to write the size of a mesh from Python in place of its numbers."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
@@ -99,7 +99,7 @@ def preset_toml(preset: Preset, for_people: bool = False) -> str:
     surface = values["surface"]
     for key in ("support", "load"):
         surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
-    # keys of the shape come before supports and loads
+    # shape keys come before supports and loads
     values["surface"] = {**{k: v for k, v in surface.items() if k not in SurfaceSection.model_fields}, **surface}
     return _short_lists(tomli_w.dumps(values))
 
@@ -146,16 +146,16 @@ def _find(name_or_path: str | Path) -> Path:
 
 def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
     old_surface = values.get("surface", {})
-    section = OwnSurface if "file" in old_surface else SurfaceSection  # a procedural shape has no key `edge`
+    section = OwnSurface if "file" in old_surface else SurfaceSection  # procedural shapes have no key `edge`
     new_surface = {key: old_surface[key] for key in (*section.model_fields, "unit") if key in old_surface}
     values["surface"] = {**new_surface, "file": str(mesh)}
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys, and remove old values that new keys exclude: exclusive keys, or keys of an old material."""
+    """Set dotted keys, and remove the old values that the new keys exclude."""
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
-        _override(values, key, deepcopy(value))  # a later key may change the copy, not `changes`
+        _override(values, key, deepcopy(value))  # a later key must not change `changes`
     for family in ("pattern.major", "pattern.minor"):
         for key, excluded in (("frequency", "spacing"), ("spacing", "frequency")):
             if changes.get(f"{family}.{key}") and f"{family}.{excluded}" not in changes:

@@ -1,7 +1,6 @@
 """Presets: all choices of a design, one section per stage.
 
-The models below define keys, units, defaults and allowed ranges. `dsfab.preset.file` reads them from TOML, overrides
-values and writes them back."""
+The models define keys, units, defaults and allowed ranges. `dsfab.preset.file` reads and writes them as TOML."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -56,22 +55,21 @@ from dsfab.surface import (
 )
 from dsfab.thickening import Extra, Side
 
-STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
-"""Stages of a design, in their order."""
+STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")  # Stages in their order.
 
 
 class Statics(Section):
     """[statics]: the sheet's material, thickness and elements."""
 
     thickness: Annotated[float, Gt(0), WrapValidator(thickness_or_auto), PlainSerializer(auto_or_metres)]
-    """Metres; also the thickness of the finished solid. auto: the thinnest that meets the targets of [sizing]."""
+    """Thickness of the sheet and of the solid, metres. auto: the least thickness that meets the targets of [sizing]."""
     material: Annotated[str | None, AfterValidator(known_name)] = None
     """S235, GL24h, ... (see `dsfab materials`): gives default values of young, poisson, density and strength."""
     young: Annotated[float, Gt(0), AfterValidator(modulus)] = 210e9
     """Young's modulus, Pa."""
     poisson: Annotated[float, Gt(-1), Lt(0.5)] = 0.3
     density: Annotated[float, Ge(0), AfterValidator(specific_mass)] = 7850.0
-    """kg/m3."""
+    """Density, kg/m3."""
     law: Law = "plane_stress"
     """Material law: plane_stress (a thin sheet) or stvk (Saint Venant-Kirchhoff, exactly as in the paper)."""
     membrane: Membrane = "constant"
@@ -80,9 +78,8 @@ class Statics(Section):
     """Bending elements: hinge (the paper; for directions), midedge (converges to the plate), hhj (most accurate)."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
     """Stress that the pattern follows. membrane: stress of the middle surface (the paper). If a flat sheet only bends,
-    its middle surface has none, and the stress of its lower side replaces it. layers: stress of all layers, with
-    bending.
-    auto: layers where bending stores at least half of the energy, else membrane."""
+    the pattern follows the stress of its lower side. layers: stress of all layers, with bending. auto: layers if
+    bending stores at least half of the strain energy, else membrane."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
     """Strength (Pa) to compare with the largest stress, 235e6 for steel S235. 0: no comparison."""
     frequencies: Annotated[int, Ge(0), Le(10)] = 0
@@ -96,7 +93,7 @@ class Statics(Section):
     _named = model_validator(mode="before")(with_material)
 
     def __eq__(self, other: object) -> bool:
-        """Compare the values; a different name of the material makes no difference."""
+        """Compare all values except the name of the material."""
         return isinstance(other, Statics) and self._values == other._values
 
     def __hash__(self) -> int:
@@ -108,7 +105,7 @@ class Statics(Section):
 
     @property
     def elastic(self) -> Material:
-        """Material of the sheet for the statics."""
+        """Young's modulus, Poisson's ratio and density."""
         return Material(self.young, self.poisson, self.density)
 
     @property
@@ -122,17 +119,17 @@ class Statics(Section):
 
     @property
     def material_words(self) -> str:
-        """Name of the material: 'GL24h', or 'GL24h, but for density' with another density; empty without a material."""
+        """Name of the material, such as 'GL24h', or 'GL24h, but for density' if the density differs, or ''."""
         own_keys = own_values(dict(self))
         return f"{self.material}, but for {', '.join(own_keys)}" if self.material and own_keys else self.material or ""
 
     @property
     def is_sized(self) -> bool:
-        """True if the thickness is a number, and not for sizing to choose."""
+        """True if the thickness is a number, False for auto."""
         return self.thickness != AUTO_THICKNESS
 
     def require_strength(self) -> None:
-        """Raise PresetError if the preset has neither a material nor a strength, which member checks need."""
+        """Raise PresetError if the preset has neither a material nor a strength."""
         require_strength(self.material, self.strength)
 
     @property
@@ -142,7 +139,7 @@ class Statics(Section):
 
     @property
     def analyses(self) -> ResultRequest:
-        """Requests for strength, natural frequencies and buckling; dsfab solves these with more accurate elements."""
+        """Requested strength check, natural frequencies and buckling load factors."""
         return ResultRequest(self.strength, self.frequencies, self.buckling)
 
 
@@ -152,20 +149,20 @@ class Diffusion(Section):
     r: Annotated[float, Ge(1), Le(1e4)] = 100.0
     """Anisotropy ratio: 1 ignores the stress, 10 to 100 follow the stress."""
     gamma: Annotated[float, Gt(0)] = 1.0
-    """Factor on the loads before faces are labelled isotropic (the paper's force magnitude)."""
+    """Factor on the loads before the isotropic faces are found (the paper's force magnitude)."""
     labelling: Labelling = "signed"
     """signed: major stripes follow the more tensile stress; magnitude: the stress of larger magnitude (the paper)."""
     isotropy: Annotated[float, Ge(0), Lt(1)] = ISOTROPY
-    """A face is isotropic if its principal stresses differ by less than this share."""
+    """Largest difference of the principal stresses, divided by their root mean square, at which a face is isotropic."""
     modes: Annotated[int, Ge(1), Le(50)] = 5
     """Number of eigenmodes for each family."""
     follow: str | None = None
-    """Name of the case or combination that the pattern follows, or combined: the sum of stress magnitudes of all.
-    The default is combined for several cases."""
+    """Name of the case or combination that the pattern follows, or combined: the sum of the stress magnitudes of all
+    cases or combinations. The default is combined for several cases."""
     weights: dict[str, float] = Field(default_factory=dict)
     """Weight of each combination in the combined sum, or of each case without combinations; default 1."""
     symmetry: tuple[str, ...] = ()
-    """Required symmetry of the pattern through its centre: x, y or z for a mirror, rot:6:z for turns by 60 degrees."""
+    """Required symmetry of the pattern about its centre: x, y or z for a mirror, rot:6:z for turns by 60 degrees."""
 
     @field_validator("symmetry")
     @classmethod
@@ -181,8 +178,7 @@ def _number_or_word(value: Any) -> str:
     return "auto" if isinstance(value, str) else "number"
 
 
-AUTO: Literal["auto"] = "auto"  # Value of a mode or phase that dsfab chooses (see `dsfab.design.mode_search`).
-
+AUTO: Literal["auto"] = "auto"  # Value of a key for which dsfab chooses the mode, the phase or the least width.
 Mode = Annotated[
     Annotated[int, Ge(1), Le(50), Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
     Discriminator(_number_or_word),
@@ -190,7 +186,6 @@ Mode = Annotated[
 Phase = Annotated[
     Annotated[float, Tag("number")] | Annotated[Literal["auto"], Tag("auto")], Discriminator(_number_or_word)
 ]
-
 LeastWidth = Annotated[
     Annotated[float, Ge(0), Tag("number")] | Annotated[Literal["auto"], Tag("auto")], Discriminator(_number_or_word)
 ]
@@ -212,13 +207,12 @@ class Family(Section):
     """Stripes per unit of the mode; a mode has 0.5 to 3 units from end to end. 0: `spacing` replaces the frequency.
     Evenly spaced stripes have no frequency."""
     spacing: Annotated[float, Ge(0)] = 0.0
-    """Mean distance (m) between the centre lines of stripes. 0: `frequency` replaces the spacing. The default of
-    evenly spaced
-    stripes is a twelfth of the side of a square of the surface's area, but at least the edge length of its mesh."""
+    """Mean distance (m) between the centre lines of stripes. 0: `frequency` replaces the spacing. Default for
+    evenly spaced stripes: a twelfth of the root of the surface's area, but at least the edge length of its mesh."""
     phase: Phase = 0.0
     """Shift of the stripes, in periods. auto: the stiffest of several phases."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
-    """Level of the stripes: -1 makes all material, 0 half, 1 nothing."""
+    """Height at which the wave is cut: at -1 all is material, at 0 half, at 1 nothing."""
 
     @model_validator(mode="before")
     @classmethod
@@ -232,8 +226,7 @@ class Family(Section):
         return values
 
     def distance(self, area: float, edge: float) -> float:
-        """Return the spacing (m) of evenly spaced stripes on a surface of an area (m2); see `spacing` for the default.
-        edge : mean edge length of the mesh (m)."""
+        """Return the spacing (m) of evenly spaced stripes. area : of the surface, m2.    edge : mean edge (m)."""
         return self.spacing or max(float(np.sqrt(area)) / STRIPES_ACROSS, edge)
 
     @property
@@ -248,7 +241,7 @@ class Family(Section):
 
     @property
     def stripes(self) -> Stripes:
-        """Stripes of the family; with `spacing` alone the frequency is 1 for now, because it depends on the mode."""
+        """Stripes of the family. With `spacing` alone, the frequency is 1 until the mode is known."""
         return Stripes(self.frequency or 1.0, self.shift, self.threshold)
 
 
@@ -256,25 +249,24 @@ class Width(Section):
     """[pattern.width]: width of the stripes of both families."""
 
     rule: Rule = "plain"
-    """plain: widths follow the thresholds (the paper); constant: equal widths in metres; graded: widths follow the
-    stress; stressed: graded, then cut, solved and widened repeatedly where the energy is largest: the stiffest and
-    slowest rule."""
+    """plain: widths follow the thresholds (the paper). constant: equal widths in metres. graded: wider where the stress
+    is larger. stressed (stiffest, slowest): cut, solved and widened repeatedly where the energy is largest."""
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members for rule constant, metres. 0: dsfab computes the width from solid_fraction."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
-    """Exponent: the share of material grows with this power of the stress; for rule stressed the starting value."""
+    """Exponent: the share of material grows with this power of the stress. For rule stressed: the starting value."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
     """Number of cuts and solutions for rule stressed."""
     min_width: LeastWidth = AUTO
-    """Least width of members, metres. 0: no limit. auto, evenly spaced members of graded width: the thickness, or half
-    of the constant width if that is less. auto, stressed width: the same, but half of the thickness with
-    pattern.workshop. auto, all other rules: no limit."""
+    """Least width of members, metres. 0: no limit. auto for evenly spaced members with rule graded: the thickness, or
+    half of the constant width if that is less. auto for rule stressed: the same, but half of the thickness with
+    pattern.workshop. auto for all other rules: no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
     """Least gap between two stripes of a family, metres; narrower gaps become material. 0: no limit."""
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
-    """Share of the surface that stays material, keep and rim included; dsfab scales the widths to it. 0: no scaling."""
+    """Share of the surface that stays material, with keep and rim; dsfab scales the widths to it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
     """Largest error of solid_fraction if the share jumps because member ends appear or vanish; a note reports it."""
 
@@ -288,11 +280,11 @@ class Width(Section):
 
     @property
     def asked_least(self) -> float:
-        """Least width of members in the preset, metres; 0 for auto."""
+        """Requested least width of members, metres; 0 for auto."""
         return 0.0 if self.min_width == AUTO else self.min_width
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
-        """Return the width rule. If only `solid_fraction` defines the width, it is 1 % of `length` (m) for now.
+        """Return the width rule. If only `solid_fraction` defines the width, the width is 1 % of `length` (m) at first.
         least : least width (m) if `min_width` is auto; `max_width` limits it."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
@@ -309,7 +301,7 @@ def _with_curves(thing: Any) -> Any:
 Method = Literal["modes", "stripes", "auto"]
 FAMILIES = ("major", "minor")  # Names of the families of stripes.
 FILLET = 0.55
-"""Least radius of round corners over the thickness: chords replace the arcs, and half of it would be too little."""
+"""Least radius of round corners divided by the thickness; more than half, because chords replace the arcs."""
 STRIPES_ACROSS = 12  # Default number of evenly spaced stripes across a square surface.
 
 
@@ -317,14 +309,14 @@ class Pattern(Section):
     """[pattern]: the two families of stripes, and parts that stay material."""
 
     method: Method = "modes"
-    """modes: stripes on eigenmodes (the paper); stripes: evenly spaced, `spacing` metres apart, along the stress; auto:
-    the stiffest without dead ends and slits. auto compares both methods, with and without halving. If the preset asks
-    for constant or graded widths, it compares both, and q and half of q. For stressed widths it compares the best
-    design of each method. If the preset sets no spacing, it also compares several."""
+    """modes: stripes on eigenmodes (the paper). stripes: evenly spaced stripes along the stress. auto: the stiffest
+    pattern without dead ends and slits. auto compares both methods, with and without halving. For constant or graded
+    widths it compares both rules, and q with half of q. For stressed widths it compares the best design of each method.
+    If the preset sets no spacing, auto also compares several spacings."""
     halve: bool = True
     """For stripes: end every second stripe on a crossing member where stripes crowd. false: no stripe ends there."""
     families: Literal["both", "major", "minor"] = "both"
-    """Families of stripes. A single family has no crossings, so no line is halved; rim and keep connect its members."""
+    """Families of stripes. A single family has no crossings and no halving; rim and keep connect its members."""
     symmetry: Literal["auto", "none"] = "auto"
     """For stripes: use the mirrors and rotations that surface, supports and loads share, or none."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
@@ -332,11 +324,10 @@ class Pattern(Section):
     (from outside for a closed surface); 90 swaps the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """For stripes: forces that set direction and grading. uncut: forces of the uncut sheet. optimal: forces of the
-    stiffest sheet of varying thickness with the same material (solid_fraction). It is stiffer in planes, at edges and
-    openings."""
+    stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs and edges."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
-    """For stripes: number of further searches for directions, with the stripes' weight where it is most of the load.
-    0: a single search, with the weight of the uncut sheet."""
+    """For stripes: number of repeated searches for directions, with the weight of the stripes if weight is most of the
+    load. 0: a single search, with the weight of the uncut sheet."""
     guide: tuple[Guide, ...] = ()
     """For stripes: curves and regions that set their direction."""
     region: tuple[PatternRegion, ...] = ()
@@ -345,8 +336,8 @@ class Pattern(Section):
     minor: Family = Family()
     width: Width = Width()
     tidy: bool | None = None
-    """Remove stripes that end freely or turn back, as far as their last crossing, and fill openings narrower than the
-    members beside them. Default: true for evenly spaced stripes, false on modes (the paper)."""
+    """Remove dead ends of stripes back to their last crossing, and fill openings narrower than the members beside them.
+    Default: true for evenly spaced stripes, false on modes (the paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Distance (m) around loads and supports within which the surface stays material; 0: none."""
     rim: Annotated[float, Ge(0)] = 0.0
@@ -354,8 +345,8 @@ class Pattern(Section):
     fillet: Annotated[float, Ge(0)] = 0.0
     """Radius (m) of the corners of openings, smaller where space is short. 0: sharp corners."""
     crowding: Literal["note", "avoid"] = "note"
-    """For stripes: action where stripes come together, so that openings would be filled side by side. note: print a
-    note. avoid: also try a larger keep, a larger spacing, one family and rotate = 45, and take the best."""
+    """For stripes: action if neighbouring openings would be filled because stripes crowd. note: print a note. avoid:
+    also try a larger keep, a larger spacing, one family and rotate = 45, and take the best pattern."""
     workshop: bool | None = None
     """Close openings, fill tips and widen members below the workshop's limits, slicing.min_gap and slicing.min_member.
     Default: true for evenly spaced stripes, unless their widths are stressed; false on modes."""
@@ -394,12 +385,12 @@ class Pattern(Section):
 
     @property
     def drawn_regions(self) -> int:
-        """Number of solid regions and bands; each is a layer, and these layers are the first in the list of layers."""
+        """Number of solid regions and bands; each is a layer, before all other layers."""
         return len(self.region) - len(self.voids)
 
     @property
     def rounds(self) -> int:
-        """Number of further searches for directions: `weight_rounds` for method stripes, else 0."""
+        """Number of repeated searches for directions: `weight_rounds` for method stripes, else 0."""
         return self.weight_rounds if self.method == "stripes" else 0
 
     @property
@@ -409,7 +400,6 @@ class Pattern(Section):
 
     @property
     def family_names(self) -> tuple[str, ...]:
-        """Names of the used families."""
         return FAMILIES if self.families == "both" else (self.families,)
 
     @property
@@ -419,7 +409,7 @@ class Pattern(Section):
 
     @property
     def may_halve(self) -> bool:
-        """True if lines in crowded places may end early; they end on members of the other family."""
+        """True if stripes may end on members of the other family where they crowd."""
         return self.halve and self.families == "both"
 
     @property
@@ -428,7 +418,7 @@ class Pattern(Section):
 
     @property
     def for_workshop(self) -> bool:
-        """True if members and openings respect the workshop's limits."""
+        """True if members and openings keep the workshop's limits."""
         return self.method == "stripes" and self.width.rule != "stressed" if self.workshop is None else self.workshop
 
     @property
@@ -441,27 +431,26 @@ class Slicing(Section):
     """[slicing]: cut of the surface along the stripes into a sheet with openings."""
 
     snap: Annotated[float, Ge(0), Le(0.3)] = 0.05
-    """Cuts nearer to a vertex than this share of an edge go through the vertex, which avoids slivers."""
+    """Cuts nearer to a vertex than this share of an edge go through the vertex, which avoids sliver triangles."""
     pinch: Literal["join", "split"] = "join"
-    """Treatment of material that would meet in a single point: join it by a small disc, or split it."""
+    """Treatment of material that would meet in a single point. join: add a small disc. split: separate the material."""
     min_opening: Annotated[float, Ge(0)] | None = None
-    """Smallest size of openings, metres; smaller ones are filled. 0: none are filled. Default on modes: 0. Default
-    between evenly spaced stripes: 15 % of their spacing; for tidied stripes also the thickness. Openings under 35 % of
-    the usual size are filled, too."""
+    """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default on modes: 0.
+    Default between evenly spaced stripes: 15 % of their spacing, for tidied stripes at most the thickness. Openings
+    under 35 % of the usual size are filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
-    """Least width of openings with pattern.workshop, metres. Narrower openings are bridged; narrower tips are filled.
-    0: no limit. Default: a quarter of the thickness, or 3 mm if that is more (for small designs a 500th of their size).
-    """
+    """Least width of openings with pattern.workshop, metres. Narrower openings are bridged; narrower tips are
+    filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
-    """Least width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop it applies to
-    all members; its default is half of the thickness, or the limit of [pattern.width] if that is less. Otherwise it
-    applies to tidied stripes between openings with round corners, if also narrower than 0.8 of the usual width."""
+    """Least width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop the limit
+    applies to all members. Its default is then half of the thickness, or the limit of [pattern.width] if that is less.
+    Else it applies to tidied stripes between openings with round corners, if narrower than 0.8 usual widths."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
     """Distance (m) by which `improve` may move the edges of stripes; 0: none."""
     loose: Literal["drop", "keep", "refuse"] = "drop"
-    """Treatment of pieces without a support: drop them, keep them, or refuse the design."""
+    """Treatment of pieces without a support: drop or keep these pieces, or refuse the design."""
 
 
 class Thickening(Section):
@@ -470,7 +459,7 @@ class Thickening(Section):
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
     """Refuse a solid that keeps less than this share of the thickness at sharp curvature."""
     side: Side = "mid"
-    """Position of the sheet: mid (around the surface), out (on the side of its normals, or outside) or in."""
+    """Position of the solid: mid (around the surface), out (on the side of its normals, or outside) or in."""
     strict: bool = False
     """Refuse a solid whose faces still intersect after all repairs. false: report the place."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
@@ -487,10 +476,10 @@ class Fabrication(Section):
     min_wall: Annotated[float, Ge(0)] = 0.0
     """Least thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
-    """Write files in spite of loads without a path to a support, of a sheet that is very thin where it would meet
-    itself, and of members and openings less than 1 mm below their limit."""
+    """Write files although the design has faults: loads without a path to a support, a sheet that is very thin where it
+    would meet itself, or members and openings under 1 mm and under their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
-    """Size of the machine along x, y, z, metres; the solid may lie on any side."""
+    """Size of the machine along x, y, z, metres; the solid may be turned onto any side."""
 
 
 FormatName = Literal[
@@ -510,14 +499,14 @@ class Export(Section):
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"] = "auto"
-    """STEP: planar (flat or folded), of lines and splines, faceted, or tessellated (for viewers); members: curved, of
-    four-sided patches that CAD programs cut and measure well, else smooth, else faceted. smooth or compact: curved, of
-    few skins, the smallest file; cutting it in CAD often fails. auto: planar where possible, else by members up to 7000
-    faces, else smooth if it takes little time and OCCT cuts it, else faceted within step_faces, else smooth. quick: the
-    same, but by members for open surfaces alone, without cuts, and without the last, which may take minutes and fail.
-    """
+    """planar: flat or folded designs, of lines and splines. faceted: plane faces. tessellated: triangles for
+    viewers. members: curved patches with four sides that CAD programs cut and measure well, else smooth, else faceted.
+    smooth, compact: a few curved skins, the smallest file; cutting it in CAD often fails. auto: planar if possible,
+    else members up to 7000 faces, else smooth if it is fast and OCCT cuts it, else faceted within step_faces, else
+    smooth. quick: as auto, but members only for open surfaces, no cuts, and no smooth at the end, which may take
+    minutes and fail."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Largest error (m) of planar, smooth or simplified STEP; 0: a share of the thickness, for faceted STEP none."""
+    """Largest error (m) of planar, smooth or simplified STEP. 0: a share of the thickness; none for faceted STEP."""
     step_mb: Annotated[float, Ge(0)] = 0.0
     """Largest size of a STEP file in MB; 0: no limit."""
 
@@ -562,8 +551,8 @@ class Preset(Section):
         surface : a mesh of trimesh, pyvista, compas, in metres (else `Surface.of(mesh, "mm")`); a `Surface`; (V, F):
                   vertices (n, 3), metres, and faces; the path of a mesh file; the section of another preset; or its
                   keys as in TOML, and `mesh` for one of these: {"mesh": mesh, "refine": 0.2}.
-        supports, loads, combinations : of the surface, in place of its own: `dsfab.Support(...)`, `dsfab.Snow(...)`,
-                  or their keys as in TOML.
+        supports, loads, combinations : replace those of `surface`; as `dsfab.Support(...)`, `dsfab.Snow(...)`, or as
+        keys in TOML.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
         Raises PresetError that lists every mistake with its key in TOML; SurfaceError for an invalid mesh."""
         surface_lists = {"support": supports, "load": loads, "combination": combinations}
@@ -587,7 +576,7 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
-        """Refuse vertex numbers in guides and regions if there is a void, because it changes the numbers of vertices.
+        """Refuse vertex numbers in guides and regions if a void changes the numbers of the vertices.
         Supports and loads may contain vertex numbers, because dsfab picks their vertices before the void."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
@@ -611,30 +600,30 @@ class Preset(Section):
 
     def judged_in(self, state: LimitState, names: Iterable[str]) -> list[str]:
         """Return the cases and combinations to check for stress and buckling (`ULS`) or displacements (`SLS`).
-        These are all cases if no combination has a limit state."""
+        If no combination has a limit state, return all cases."""
         return judged_names(names, self.surface.sums, state)
 
     @property
     def followed_weights(self) -> dict[str, float]:
-        """Weights of the cases or combinations that the pattern follows, by name (see `dsfab.preset.checks`)."""
+        """Weights of the cases or combinations that the pattern follows, by name (see `follow_weights`)."""
         return follow_weights(*self._cases)
 
     @property
     def combines(self) -> bool:
-        """True if the pattern follows a sum of stress magnitudes, False for the stress of a single case."""
+        """True if the pattern follows a sum of stress magnitudes, False for the stress of one case."""
         return combines(self.surface.load, self.diffusion.follow)
 
     def with_modes(self, mode: tuple[int, int], phase: tuple[float, float]) -> "Preset":
-        """Return the preset with two modes and two phases, each for the major and for the minor family."""
+        """Return the preset with the modes and phases of the major and the minor family."""
         families = {
             name: getattr(self.pattern, name).model_copy(update={"mode": mode[k], "phase": phase[k]})
-            for k, name in enumerate(("major", "minor"))
+            for k, name in enumerate(FAMILIES)
         }
-        return self.model_copy(update={"pattern": self.pattern.model_copy(update=families)})
+        return self.with_pattern(**families)
 
     def with_thickness(self, thickness: float) -> "Preset":
-        """Return the preset with a thickness (m). Round corners of openings get at least `FILLET` of it as radius.
-        In place of auto, the default of the least width of members is the thickness."""
+        """Return the preset with a thickness (m), and with round corners of at least `FILLET` times this thickness.
+        If the thickness was auto, workshop members get the thickness as their least width."""
         slicing, fillet = self.slicing, self.pattern.fillet
         if not self.statics.is_sized and slicing.min_member is None and self.pattern.for_workshop:
             slicing = slicing.model_copy(update={"min_member": thickness})
@@ -649,7 +638,7 @@ class Preset(Section):
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=changes)})
 
     def self_contained(self) -> "Preset":
-        """Return the preset with curves in place of the files of its drawings; SurfaceError for a missing file."""
+        """Return the preset with curves in place of references to drawings. Raises SurfaceError without a drawing."""
         lists = {"surface": ("support", "load"), "pattern": ("guide", "region"), "thickening": ("extra",)}
         changes = dict[str, Any]()
         for name, keys in lists.items():
@@ -660,8 +649,8 @@ class Preset(Section):
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
-        """Return the first stage whose section differs, or None; name and description make no difference.
-        Here [surface] includes the outlines of regions, which cut the surface, and [statics] if it defines the mesh."""
+        """Return the first stage whose section differs, or None. A changed outline of a region counts as [surface]; so
+        does a changed [statics] if the stress defines the mesh."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

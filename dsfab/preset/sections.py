@@ -14,15 +14,15 @@ class Sizing(Section):
     """[sizing]: targets of the cut structure for `statics.thickness = "auto"` and for `dsfab size`."""
 
     utilisation: Annotated[float, Gt(0), Le(1)] = 0.8
-    """Largest utilisation of a member: by Eurocode where the material has grades, else stress over strength."""
+    """Largest utilisation of a member: by Eurocode for materials with grades, else stress over strength."""
     movement: Annotated[float, Gt(0)] = 300.0
-    """Span over the largest movement, at least: 300 allows 10 mm on a span of 3 m."""
+    """Least ratio of the span to the largest movement: 300 allows 10 mm on a span of 3 m."""
     buckling: Annotated[float, Ge(0)] = 4.0
-    """Least buckling load factor; real shells buckle below the computed factor. 0: no target."""
+    """Least buckling load factor. Real shells buckle below the computed factor. 0: no target."""
     thicknesses: tuple[Annotated[float, Gt(0), Le(10)], ...] = ()
     """Thicknesses to choose from, metres. Default: those in which the material is sold or made."""
     first: Annotated[float, Ge(0), Le(10)] = 0.0
-    """First guess, metres: sizing tries thicknesses of a third to three times this. 0: by the size of the surface."""
+    """First guess, metres: sizing tries a third to three times this thickness. 0: dsfab guesses from the size."""
 
 
 Route = Literal["auto", "strips", "planks", "bars", "sheet", "panels"]
@@ -33,15 +33,16 @@ class Workshop(Section):
     """[workshop]: flat parts for `dsfab workshop`. It does not change the design."""
 
     route: Route = "auto"
-    """strips: members flat in the surface, in bolted layers; planks: members upright on the surface, halved at
-    crossings; bars: straight from node to node, on folded plates; panels: a model in one skin with tabs; sheet: a flat
-    design in pieces of the stock's size; auto: sheet for a flat design, else strips if they can be bent, else bars if
-    these stay near the surface, else planks if they can be bent and assembled."""
+    """strips: members flat in the surface, in bolted layers. planks: members upright on the surface, halved at
+    crossings.
+    bars: straight from node to node, on folded plates. panels: a model in one skin with tabs. sheet: a flat design in
+    pieces of the stock's size. auto: sheet for a flat design, else strips if they can be bent, else bars if they stay
+    near the surface, else planks if they can be bent and assembled."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Length and width of the sheets to cut from, metres; one size or several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()
-    """Price of a sheet of each size of the stock, in its order, in any currency; dsfab uses the cheapest combination.
-    Without prices it chooses the least area."""
+    """Price of a sheet for each size of the stock, in any currency; dsfab uses the cheapest combination. Without prices
+    dsfab uses the least area."""
     thickness: Annotated[float, Ge(0)] = 0.0
     """Thickness of one layer, plank or bar, metres. 0: the thickness in [statics], divided by the number of layers."""
     depth: Annotated[float, Ge(0)] = 0.0
@@ -59,13 +60,14 @@ class Workshop(Section):
     grain: bool = False
     """True if the grain runs along the sheets; members then lie along the grain and never across."""
     nesting: Literal["stacked", "spyrrow"] = "stacked"
-    """stacked: parts are stacked on sheets; spyrrow: that solver then tries to empty the least used sheet. The solver
-    takes minutes and needs: pip install "dsfab[nesting]"."""
+    """stacked: parts are stacked on sheets. spyrrow: a solver then tries to empty the least used sheet. It takes
+    minutes
+    and needs: pip install "dsfab[nesting]"."""
     model: Annotated[float, Ge(0)] = 0.0
-    """Scale of a card model: 50 means 1:50, and all lengths of this section are lengths of the model. 0: full size."""
+    """Scale of a card model: 50 means 1:50; all lengths of this section are lengths of the model. 0: full size."""
     alike: Annotated[float, Ge(0), Le(0.05)] = 0.0
     """strips: parts become equal if their outlines differ by at most this distance (m), and their holes by half a
-    millimetre. 0: parts stay as they are."""
+    millimetre. 0: no change."""
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
     """Joint of parts longer than the stock. cover: bolted cover plate for members, butt joint for flat sheets. scarf:
     glued bevel of eight times the thickness. fingers: finger joints for flat sheets. none: butt joints."""
@@ -108,7 +110,7 @@ class Eurocode(Section):
     service_class: Literal[1, 2, 3] = 2
     """Timber: 1 heated rooms, 2 under a roof, 3 in the open."""
     duration: dict[str, Duration] = Field(default_factory=dict)
-    """Timber: duration of loads by case. Default: weight permanent, stores long, wind and maintenance short, all others
+    """Timber: duration of loads by case. Default: weight permanent, stores long, wind and maintenance short, else
     medium."""
     gamma_m: Annotated[float, Gt(0)] | None = None
     """Timber: partial factor; default: 1.3 for solid timber, 1.25 for glulam, 1.2 for LVL."""
@@ -117,12 +119,12 @@ class Eurocode(Section):
     gamma_m1: Annotated[float, Gt(0)] = 1.0
     """Steel: partial factor of members that may buckle."""
     curve: Literal["a0", "a", "b", "c", "d"] = "c"
-    """Steel: the buckling curve; c for solid sections."""
+    """Steel: buckling curve; c for solid sections."""
     buckling_length: Annotated[float, Gt(0), Le(10)] = 1.0
     """Buckling length over the distance between nodes along the member."""
     bent_in: bool = False
-    """Timber: members are straight layers bent into shape, of `workshop.thickness`, or of the thickness in [statics]
-    over `workshop.layers`; the check adds the bending stress."""
+    """Timber: members are straight layers bent into shape; the check adds the bending stress. A layer has the thickness
+    of [workshop], or the thickness in [statics] divided by `workshop.layers`."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
         """Yield an error message for each case in `duration` that no load has."""

@@ -1,4 +1,4 @@
-"""[surface] section of a preset: a mesh or a procedural shape, with its supports and loads."""
+"""The section [surface] of a preset: a mesh or a procedural shape, with its supports and loads."""
 
 import base64
 import inspect
@@ -49,7 +49,7 @@ from dsfab.surface import (
 
 
 class Section(BaseModel):
-    """A section of a preset: it cannot change, and takes no unknown keys. Its constructor raises PresetError."""
+    """A section of a preset: immutable and without unknown keys. Its constructor raises PresetError."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
 
@@ -59,24 +59,24 @@ class Section(BaseModel):
         except ValidationError as error:
             raise PresetError(f"{type(self).__name__.lower()}: {mistakes(error, type(self))}") from None
 
-    # only Python code calls this constructor; for a preset file one message lists the mistakes of all sections
+    # pydantic must not call this constructor for preset files, whose message lists the mistakes of all sections
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 class SurfaceSection(Section):
     """Keys of every surface.
-    pydantic builds the checks on first use, because all checks together take half of the time to start dsfab."""
+    pydantic builds the checks on first use, because building them takes half of the time to start dsfab."""
 
     model_config = ConfigDict(defer_build=True)
 
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
     combination: tuple[Combination, ...] = ()
-    """Sums of load cases (`case` of a load), each case multiplied with its factor."""
+    """Sums of load cases; each case is multiplied by its factor."""
     combinations: CombinationRule | None = None
-    """Standard whose combinations dsfab adds to those in the list."""
+    """Standard whose combinations dsfab adds to `combination`."""
     actions: dict[CaseName, ActionKind] = {}
-    """Kind of action of a case for the standard, unless its loads define the kind, as weight, snow and wind do."""
+    """Kind of action of a case for the standard, by the name of the case. Weight, snow and wind need no entry."""
     factors: DesignFactors | None = None
     """Factors of the standard that a national annex changes."""
     refine: Annotated[float, Ge(0)] = 0.0
@@ -87,12 +87,12 @@ class SurfaceSection(Section):
 
     @property
     def sums(self) -> tuple[Combination, ...]:
-        """Combinations in the preset, followed by those that a standard defines."""
+        """Combinations of the preset, followed by those of the standard."""
         return (*self.combination, *self.standard_sums)
 
     @property
     def standard_sums(self) -> tuple[Combination, ...]:
-        """Combinations that the chosen standard defines; empty without a standard."""
+        """Combinations of the standard; empty without a standard."""
         if self.combinations is None:
             return ()
         return tuple(en1990_combinations(self.load, self.actions, self.combinations, self.factors or DesignFactors()))
@@ -112,12 +112,12 @@ class SurfaceSection(Section):
 
 
 class OwnSurface(SurfaceSection):
-    """Keys of the user's meshes: the length of the edges of a new mesh."""
+    """Keys of the user's meshes: edge lengths of a new mesh."""
 
     edge: Annotated[float, Ge(0)] = 0.0
     """Edge length of a new mesh of even triangles, metres; boundaries and creases stay. 0: the mesh stays unchanged."""
     finest: Annotated[float, Ge(0)] = 0.0
-    """Least edge length, metres; needs `edge`. Edges are shorter where `finest_at` says. 0: all have equal lengths."""
+    """Least edge length, metres, used at the places of `finest_at`; needs `edge`. 0: all edges have equal lengths."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
     """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress changes if it
     varies along an edge by a quarter of its root mean square, in statics on even triangles."""
@@ -139,8 +139,9 @@ class OwnSurface(SurfaceSection):
         return self.finest_at != "curvature"
 
     def build(self, sizes: Sequence[SizeField] = (), base: Surface | None = None) -> Surface:
-        """Return the surface. `sizes` define edge lengths of a new mesh. Raises SurfaceError for an invalid surface.
-        base : result of `base_surface()`, if the caller has it."""
+        """Return the surface. sizes : edge lengths of a new mesh.    base : result of `base_surface()`, if the caller
+        has it.
+        Raises SurfaceError for an invalid surface."""
         base = base or self.base_surface()
         if not self.edge:
             return refined_surface(base, self.refine, self.smooth) if self.refine else base
@@ -157,21 +158,21 @@ class FileSurface(OwnSurface):
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files contain their unit."""
     up: Up = "z"
-    """Axis of the file that points to the sky; all other keys assume z up. dsfab turns GLB files itself."""
+    """Axis of the file that points upwards; all other keys assume z. dsfab turns GLB files itself."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Point of the file that becomes the design's origin, metres, with z up; for a survey's coordinates."""
+    """Point of the file that becomes the origin of the design, metres, with z up; for survey coordinates."""
     mend: bool = False
     """Repair small faults: weld vertices that nearly touch, drop specks and faces without area, close pinholes,
     straighten ragged edges."""
     repair: bool = False
-    """Repair a raw scan: as `mend`, and split edges of more than two faces, drop pieces smaller than a twentieth of the
-    largest, fill holes with an outline under 15 % of the largest side, turn all faces to the same side."""
+    """Repair a raw scan: as `mend`; also split edges of more than two faces, drop pieces smaller than a twentieth of
+    the largest, fill holes with an outline under 15 % of the largest side, and turn all faces to the same side."""
     max_triangles: Annotated[int, Ge(1)] | None = None
     """Largest number of triangles in the file; also limits its bytes, vertices and reading time. Default: 4 million."""
 
     @property
     def waits(self) -> bool:
-        """True for a shipped preset that still needs the user's mesh."""
+        """True for a shipped preset that needs the user's mesh."""
         return self.file.parent in PRESETS and not self.file.exists()
 
     def base_surface(self) -> Surface:
@@ -216,8 +217,7 @@ Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text
 
 class MeshSurface(OwnSurface):
     """A surface from a mesh in Python. `dsfab.save` writes the mesh to a file, and the saved preset names this file.
-    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces (m,
-           3)."""
+    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F), see `surface_table`."""
 
     mesh: Annotated[Mesh, Field(repr=False)]
 
@@ -277,8 +277,9 @@ def plain(value: Any) -> Any:
 
 
 def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
-    """Return the argument `surface` of Python code as a table; `lists` replace its supports, loads and combinations.
-    surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
+    """Return the argument `surface` of Python code as a table with the supports, loads and combinations in `lists`.
+    surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F): vertices (n, 3),
+              metres, and faces (m, 3).
     Raises SurfaceError for an invalid mesh."""
     if isinstance(surface, str | Path):
         surface = {"file": Path(surface).absolute()}
@@ -295,7 +296,7 @@ EXAMPLE = (
     "dsfab.run(dsfab.Preset(surface=mesh, supports=[dsfab.Support(dsfab.Boundary())], loads=[dsfab.SelfWeight()], "
     "statics={'thickness': 0.05}))"
 )
-"""Shortest preset of a mesh."""
+"""Shortest preset for a mesh."""
 
 
 def missing_preset(thing: Any) -> str:

@@ -1,4 +1,4 @@
-"""Parameter sweeps, comparisons with other structures, and checks of a design's compliance and fabrication limits."""
+"""Parameter sweeps, comparisons with other structures, and checks of a design: compliance and fabrication."""
 
 from dsfab.study.alternatives import (
     ALTERNATIVE_WORDS,

@@ -1,4 +1,4 @@
-"""Structures with the mass of a design to compare it with: a thinner sheet, and stripes that ignore the stress."""
+"""Structures with the mass of a design, for comparison: a thinner sheet, and stripes that ignore the stress."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -18,10 +18,10 @@ from dsfab.study.judges import Judge, Judgement, full, quick
 
 @dataclass(frozen=True)
 class Spread:
-    """Compliances (J) of all variants of a competitor, by one solve each (`quick`).
+    """Compliances (J) of all variants of a competitor, each by one solve (`quick`).
     tried, carried : number of variants, and number of variants that carry the loads.
     best, mean, worst : compliances of the variants that carry the loads.
-    median : median of all variants; the compliance of a variant that does not carry the loads is infinite."""
+    median : median of all variants; a variant that does not carry the loads has infinite compliance."""
 
     tried: int
     carried: int
@@ -32,7 +32,7 @@ class Spread:
 
     @classmethod
     def from_compliances(cls, compliances: Sequence[float]) -> "Spread":
-        """Return the statistics of compliances (J); a variant that does not carry the loads has infinite compliance."""
+        """Return the statistics of compliances (J), which are infinite for variants that do not carry the loads."""
         sound = [value for value in compliances if np.isfinite(value)]
         statistics = (min(sound), float(np.mean(sound)), max(sound)) if sound else (float("inf"),) * 3
         return cls(len(compliances), len(sound), *statistics, float(np.median(compliances)))
@@ -40,16 +40,15 @@ class Spread:
 
 @dataclass(frozen=True)
 class Competitor:
-    """A structure under the design's loads, or the reason (`error`) why the structure is missing.
+    """A structure under the design's loads, or the reason (`error`) why it is missing.
     variant         : name of the stiffest of several variants, such as "modes 1, 2".
-    area_fraction   : its area over that of the surface; 1 for an uncut sheet.       mass : kg.     thickness : metres.
-    judgement       : None with an error.       pieces : number of the sheet's pieces.
+    area_fraction   : area divided by that of the surface; 1 for an uncut sheet.       mass : kg.
+    thickness       : metres.       pieces : number of the sheet's pieces.       judgement : None with an error.
     loose           : share of the material that reaches no support; the sheet is without this material.
     smallest_member : width in metres; None if the sheet has no measurable member.
     spread          : statistics of the variants; None for a single variant.
-    seconds_made    : time to make all variants.     seconds : time to make and to judge them.
-    structure       : the judged structure, for drawings. With an error it is a single variant that does not carry the
-                      loads."""
+    seconds_made    : time to make all variants.     seconds : time to make and to judge all variants.
+    structure       : the judged structure, or a single variant that failed under the loads; for drawings."""
 
     name: str
     variant: str = ""
@@ -68,11 +67,11 @@ class Competitor:
 
     @property
     def compliance(self) -> float:
-        """Compliance in joules; infinite if the loads are not carried."""
+        """Compliance in joules; infinite if the structure does not carry its loads."""
         return self.judgement.compliance if self.judgement else float("inf")
 
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """Return SI values for a table, None if unknown.
+        """Return SI values for a table; None for unknown values.
         full, design : compliances (J) of the full sheet and of the design."""
         columns: dict[str, Any] = {
             "name": self.name,
@@ -99,8 +98,7 @@ class Competitor:
 
 
 def _judgement_columns(judgement: Judgement) -> dict[str, Any]:
-    columns: dict[str, Any] = {"bound": judgement.bound, "verdict": judgement.verdict, "reason": judgement.reason}
-    columns["level"] = judgement.level
+    columns = {key: getattr(judgement, key) for key in ("bound", "verdict", "reason", "level")}
     if judgement.theory is not None:
         columns["theory"] = judgement.theory
     for name, unit in (("displacement", "m"), ("tension", "Pa"), ("compression", "Pa"), ("stress", "Pa")):
@@ -127,9 +125,7 @@ def _judgement_columns(judgement: Judgement) -> dict[str, Any]:
         columns["assumed"] = assumed
     if local := "; ".join(dict.fromkeys(case.local for case in cases if case.local)):
         columns["buckling_mode"] = local
-    columns["imbalance"] = max(case.imbalance for case in cases)
-    columns["residual"] = max(case.residual for case in cases)
-    return columns
+    return columns | {name: max(getattr(case, name) for case in cases) for name in ("imbalance", "residual")}
 
 
 def _number(value: float) -> float | int | None:
@@ -140,18 +136,17 @@ ALTERNATIVE_WORDS = {
     "thinner": "a uniformly thinner sheet without openings",
     "isotropic": "the best pair of isotropic stripes",
 }
-"""Words for sentences about the alternatives with the mass of a design, by name of the alternative."""
+"""Words for each alternative in sentences, by name of the alternative."""
 
 
 @dataclass(frozen=True)
 class Alternative:
     """A structure with the mass of a design, under the design's loads.
-    over      : the design's compliance over the alternative's: above 1 the design is softer. Infinite if the design
-                does not carry its loads; 0 if the alternative does not carry them.
+    over      : compliance of the design divided by that of the alternative: above 1 the design is softer. The value is
+                infinite if the design does not carry its loads, and 0 if the alternative does not.
     low, high : interval of `over`, from the error bounds of both compliances.
-    variant   : the best variant, such as "modes 1, 2".
-    level     : words for the check of both compliances.                error : why the alternative is missing, or ''.
-    """
+    variant   : the best variant, such as "modes 1, 2".     error : reason why the alternative is missing, or ''.
+    level     : words for the check of both compliances."""
 
     name: str
     over: float
@@ -168,7 +163,7 @@ class Alternative:
 
     @property
     def sentence(self) -> str:
-        """Sentence about a design that is softer than this alternative."""
+        """Sentence that compares the design with this stiffer alternative."""
         which = f"{ALTERNATIVE_WORDS[self.name]} of the same mass"
         if not np.isfinite(self.over):
             return f"this design does not carry its loads, and {which} does"
@@ -191,14 +186,13 @@ def losing_line(candidates: Iterable[Alternative]) -> str:
 
 
 def is_searched(preset: Preset) -> bool:
-    """Return True if a search sets part of the pattern: its method, modes or phases, or widths for even stress."""
+    """Return True if a search sets part of the pattern: the method, modes, phases, or widths by rule `stressed`."""
     pattern = preset.pattern
     return pattern.method == "auto" or pattern.auto or pattern.width.rule == "stressed"
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return a design's alternatives, each by the quickest solve that shows which is stiffer. The result is computed
-    once.
+    """Return a design's alternatives, computed once, each by the fastest solve that shows which structure is stiffer.
     Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
@@ -218,7 +212,7 @@ def alternatives(
 
 
 class _BoundedCompliance(NamedTuple):
-    """A compliance (J) with its relative error bound; infinite if the structure fails under its loads (see `error`)."""
+    """A compliance (J) with its relative error bound; infinite if the structure fails (see `error`)."""
 
     compliance: float
     bound: float
@@ -227,9 +221,9 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare a structure with a thinner sheet: one solve of each sheet, with elements that rank designs.
-    If this does not show which is stiffer, better elements solve both sheets again. A thinner sheet that bends then
-    gets a full check, because its mesh is coarser than the mesh of the cut sheet."""
+    """Compare a structure with a thinner sheet, each by one solve with elements that rank designs.
+    If the result is unclear, more accurate elements solve both sheets again. A thinner sheet that bends then gets a
+    full check, because its mesh is coarser than that of the cut sheet."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)
     alternative = _alternative("thinner", design, rival, "one solve each")
@@ -241,10 +235,10 @@ def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternati
 
 
 def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare a structure with the best isotropic stripes. Each pair of modes is cut and solved once with quick
+    """Compare a structure with the best isotropic stripes. Each pair of modes is cut and solved once with fast
     elements, as in a search. Then the two best pairs are cut to exactly the design's mass, because 1 % more material
-    makes a sheet 5 % stiffer. Better elements judge both and the design, because quick elements make members up to
-    twice too stiff."""
+    makes a sheet 5 % stiffer. More accurate elements judge these pairs and the design, because fast elements make
+    members up to twice too stiff."""
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
     level = f"one solve each, best of {len(blind.pairs)} pairs"
@@ -260,7 +254,7 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alterna
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
     failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; the first: {tried[0].refused}")
     rival = min(rivals, key=lambda rival: rival.compliance, default=failed)._replace(bound=0.0)
-    # errors of these elements have the same sign on both sheets, so the ratio is exact to 10 %
+    # both errors have the same sign, so the ratio is accurate to 10 %
     return _alternative("isotropic", _judged_compliance(quick, task, structure)._replace(bound=0.1), rival, level)
 
 
@@ -272,7 +266,7 @@ def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompl
 
 
 def judged_alternatives(design: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Return those rivals of a comparison that are in `ALTERNATIVE_WORDS`, as alternatives with judged compliances."""
+    """Return the rivals in `ALTERNATIVE_WORDS` as alternatives, with the compliances of their judgements."""
     design_value, judged = _competitor_compliance(design), []
     for rival in (rival for rival in rivals if rival.name in ALTERNATIVE_WORDS):
         level = f"{rival.judgement.level} check" if rival.judgement else ""
@@ -297,7 +291,7 @@ def _alternative(name: str, design: _BoundedCompliance, rival: _BoundedComplianc
 
 
 def _ranked_compliance(task: ComparisonTask, structure: Structure) -> _BoundedCompliance:
-    """Return the compliance of a cut sheet by one solve with elements that rank designs; its error is 5 to 15 %."""
+    """Return the compliance of a cut sheet, by one solve with elements that rank designs; its error is 5 to 15 %."""
     statics = task.preset.statics
     try:
         loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure))

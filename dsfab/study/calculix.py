@@ -1,4 +1,4 @@
-"""Sheets as solids of quadratic wedges for CalculiX, and the run of CalculiX in a process of its own."""
+"""Sheets as solids of quadratic wedges for CalculiX, and runs of CalculiX in a separate process."""
 
 import re
 import shutil
@@ -17,10 +17,8 @@ from dsfab.statics import Material
 from dsfab.study.check_model import held_nodes
 from dsfab.surface import LoadCase, Surface
 
-CCX = "ccx"  # name of CalculiX's solver program
-
+CCX = "ccx"  # CalculiX's solver program
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
-
 Projection = Callable[[Floats], tuple[Floats, Floats]]  # points (k, 3) -> points on the middle surface, unit normals
 
 
@@ -48,7 +46,7 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     nodes = np.concatenate([corner - up, corner + up, corner, middle - over, middle + over])
     columns = np.arange(n)[:, None] + n * np.arange(3)
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
-    # the top is on the side of the vertex normals, so faces with opposite normals list their corners in reverse
+    # faces with normals opposite to those of their vertices list their corners in reverse
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
     F, numbers = (np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of))
     parts = [columns[F, 0], columns[F, 1], middles[numbers, 0], middles[numbers, 1], columns[F, 2]]
@@ -58,7 +56,7 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
 def solid_compliance(
     solid: Wedges, material: Material, fixed_nodes: Ints, gravity: Floats, seconds: float = 600.0
 ) -> float | None:
-    """Return the compliance (J) under the solid's own weight by CalculiX; None if CalculiX is not installed.
+    """Return the compliance (J) of a solid under its own weight by CalculiX; None if CalculiX is not installed.
     fixed_nodes : numbers of nodes that do not move.       gravity : (3,) m/s2.       seconds : time limit.
     Raises StaticsError if CalculiX fails."""
     program = shutil.which(CCX)
@@ -100,14 +98,14 @@ def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
 
 
-THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # shares of a vertex force on nodes below, above and in the middle of a sheet
+THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # shares of a vertex force on the nodes below, above and in the middle
 
 
 @dataclass(frozen=True, eq=False)
 class WedgeModel:
     """A solid with its supports and forces.
     solid    : nodes (p, 3), metres, and elements.    fixed : (q, 2) nodes and directions that do not move.
-    opposite : (r, 3) two nodes and a direction. Their displacements in it have opposite signs, so the sheet can rotate.
+    opposite : (r, 3) two nodes and a direction in which they move by opposite amounts, so that the sheet can rotate.
     force    : (p, 3) newtons."""
 
     solid: Wedges
@@ -120,8 +118,7 @@ class WedgeModel:
 def solid_model(surface: Surface, normal: Floats, thickness: float, material: Material, load: LoadCase) -> WedgeModel:
     """Return a model with one wedge through the thickness for each triangle.
     normal : (n, 3) unit normals at the vertices, all on one side of the sheet.    thickness : metres.
-    Supports hold the middle of the thickness; clamped edges are fixed over the whole thickness. Raises StaticsError for
-    springs."""
+    Supports hold the middle of the thickness, clamped edges the whole thickness. Raises StaticsError for springs."""
     if load.spring.any():
         raise StaticsError("the nonlinear check has no springs at supports; hold these supports rigidly for the check")
     across = normal[surface.edges.ends].sum(axis=1)
@@ -192,8 +189,8 @@ def require_ccx() -> str:
 
 
 def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] = lambda files: False) -> CcxFiles:
-    """Run CalculiX on an .inp file until it ends, `enough` returns True, or `seconds` pass; return its output. The
-    process and its files are removed in any case, even after a signal."""
+    """Run CalculiX on an .inp file until it ends, `enough` returns True, or `seconds` pass; return its output.
+    The process and its files are always removed, even after a signal."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as name:
         folder = Path(name)
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
@@ -246,14 +243,14 @@ class LoadPath:
     failed: tuple[tuple[int, float], ...] = ()
 
     def until(self, last_point: int) -> "LoadPath":
-        """Return the path up to its point `last_point`."""
+        """Return the path up to point `last_point`."""
         failed = tuple((point, by) for point, by in self.failed if point <= last_point)
         return LoadPath(self.load[: last_point + 1], self.u[: last_point + 1], False, False, failed)
 
 
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
-    """Return the lowest linear buckling factor and its shape (p, 3), which has no scale.
-    Raises StaticsError if there is none."""
+    """Return the lowest linear buckling factor and the shape (p, 3) of its mode, in arbitrary scale.
+    Raises StaticsError without such a factor."""
     step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
     files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
     if not files.ended:
@@ -279,9 +276,9 @@ def load_path(
 ) -> LoadPath:
     """Return the path of nodes `watched` (w,) as loads grow to each of `factors` in turn, with large displacements.
     nodes : (p, 3) initial positions, metres.
-    stop_point : function of a path that returns the point at which CalculiX may stop, or None.
-    Each factor takes `steps` steps; CalculiX halves steps that do not converge, down to a thousandth of the load.
-    The path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails."""
+    stop_point : returns the point at which a path may stop, or None.
+    Each factor takes `steps` steps; CalculiX halves steps that do not converge, down to a thousandth of the load. The
+    path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails."""
     text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_formatted_rows("%d\n", watched + 1)]
     for factor in factors:
         text.append(f"*STEP, NLGEOM, INC=1000\n*STATIC\n{1 / steps}, 1., 0.001, {1 / steps}\n*CLOAD\n")
@@ -292,7 +289,7 @@ def load_path(
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # cutting at `end` makes the result independent of the time of the stop
+    path, end = until(files)  # `end` does not depend on the time of the stop
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:

@@ -1,4 +1,4 @@
-"""The verdict on a cut structure: its most used member, movement, factor of buckling, mass and reactions."""
+"""The verdict on a cut structure: its most used member, movement, buckling factor, mass and reactions."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -44,22 +44,18 @@ if TYPE_CHECKING:
     from dsfab.members.frame import MemberForces
 
 Place = tuple[float, float, float]
-
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
-
 BUCKLED_CASES = 3
-"""Number of cases and combinations whose buckling is computed: those with the largest compression. Each costs as much
-as a solve, and a standard gives up to 40 combinations, most of which are a smaller share of another."""
-
-
+"""Number of cases and combinations for which buckling is computed: those with the largest compression. A standard gives
+up to 40 combinations, and each buckling analysis takes as long as a solve."""
 NARROW_RIB = 3.0
-"""Mean rib width over thickness below which a bar has under four fifths of the torsional stiffness of a strip of a
-sheet (`torsion_share`). A wall with 2.2 moved by 11 % more as a solid by CalculiX."""
+"""Ratio of mean rib width to thickness below which a bar has under 0.8 of the torsional stiffness of a strip of sheet
+(`torsion_share`). At a ratio of 2.2, a wall moved by 11 % more as a solid by CalculiX."""
 
 
 @dataclass(frozen=True)
 class MemberUse:
-    """The most used member. value : utilisation, 1 is the limit. place : metres. check : its name and clause."""
+    """The most used member. value : utilisation, 1 at the limit. place : metres. check : words for the check."""
 
     member: str
     value: float
@@ -70,7 +66,7 @@ class MemberUse:
 
 @dataclass(frozen=True)
 class Movement:
-    """The largest movement (m) with its place. span : metres. about : the span in words."""
+    """The largest movement (m) with its place. span : metres. about : words for the span."""
 
     value: float
     place: Place
@@ -80,15 +76,16 @@ class Movement:
 
     @property
     def share(self) -> float:
-        """Movement over the span."""
+        """Movement divided by the span."""
         return self.value / self.span if self.span > 0 else float("inf")
 
 
 @dataclass(frozen=True)
 class SupportForce:
-    """Force of a support on the structure in a case. vertical : newtons, positive if it pushes up. horizontal :
-    newtons. direction : degrees from the first horizontal axis (x) to the second (y), in which the support pushes.
-    thrust : newtons, the sum of the horizontal forces at all vertices, which in a ring or two walls cancel out."""
+    """Force of a support on the structure in a case.
+    vertical   : newtons, positive if the support pushes upwards.    horizontal : newtons.
+    direction  : of the horizontal force, degrees from the first horizontal axis (x) to the second (y).
+    thrust     : newtons, the sum of the sizes of the horizontal forces at all vertices; in a ring they cancel out."""
 
     support: str
     case: str
@@ -103,14 +100,14 @@ Outcome = Literal["carries", "does not carry", "not judged"]
 
 @dataclass(frozen=True)
 class Carrying:
-    """The verdict on a cut structure, with the figures behind it.
-    use      : None without a strength, which also leaves buckling out, and for a structure that does not stand.
+    """The verdict on a cut structure, with its figures.
+    use      : None without a strength, and for a structure that does not stand.
     movement : None for a structure that does not stand.
-    buckling : lowest factor on the loads at which the perfect shape buckles; None if nothing is compressed.
-    buckling_case : its case; ''.
-    mass     : kg, of the sheet times its thickness.     reactions : by support, then by case.
-    faults   : sentences on why it does not carry.       remarks : sentences on missing figures and assumptions.
-    stress   : (m,) von Mises stress (Pa) of the cut sheet in the case of the most used member, or the first case."""
+    buckling : lowest buckling factor of the perfect shape; None without compression or without a strength.
+    buckling_case : case of the lowest buckling factor, or ''.
+    mass     : of the sheet, kg.     reactions : by support, then by case.
+    faults   : reasons why the structure does not carry.       remarks : on missing figures and assumptions.
+    stress   : (m,) von Mises stress (Pa) of the cut sheet in the case of the most used member, or in the first case."""
 
     thickness: float
     mass: float
@@ -125,7 +122,7 @@ class Carrying:
 
     @property
     def outcome(self) -> Outcome:
-        """Whether the structure carries; not judged without a strength."""
+        """ "carries", "does not carry", or "not judged" without a strength."""
         if self.faults:
             return "does not carry"
         return "carries" if self.use else "not judged"
@@ -140,7 +137,7 @@ class Carrying:
 @dataclass(frozen=True, eq=False)
 class CutStatics:
     """The cut sheet of a design with a thickness (m), its loads and answers by case and combination.
-    answers : by any elements that reports use, for instance from a basis of other thicknesses.
+    answers : by elements that are accurate enough for reports.
     stiffness, factor_of : K of the elements for buckling, without springs, and its factor, if they are known."""
 
     design: Design
@@ -152,25 +149,23 @@ class CutStatics:
 
     @property
     def preset(self) -> Preset:
-        """The preset of the design with this thickness."""
+        """The preset of the design, with this thickness."""
         preset = self.design.preset
         statics = preset.statics.model_copy(update={"thickness": self.thickness})
         return preset.model_copy(update={"statics": statics})
 
     @property
     def model(self) -> SheetModel:
-        """The cut sheet with its material and thickness."""
         return self.design.preset.statics.sheet(self.thickness).model_for(self.design.sheet.surface)
 
     def stress(self, name: str) -> SheetStress:
-        """Return the stress in a case or combination."""
         return sheet_stress(self.model, self.answers[name].elements, self.answers[name])
 
 
 def carrying(design: Design) -> Carrying:
-    """Return whether the cut sheet of a design carries its loads; the design keeps the result.
-    The figures come from one solve on the unrefined mesh, with one factorisation for all cases. Raises the DsfabError
-    of a stage that fails; a structure that does not stand gives a result."""
+    """Return the verdict on the cut sheet of a design; the design stores the result.
+    The figures come from one factorisation for all cases, on the unrefined mesh. Raises the DsfabError of a stage that
+    fails; a structure that does not stand gives a result."""
     return design.cached_result("slicing", "carrying", lambda: _carrying(design))
 
 
@@ -191,7 +186,7 @@ def _carrying(design: Design) -> Carrying:
 
 def cut_loads(design: Design, thickness: float) -> dict[str, LoadCase]:
     """Return the loads on the cut sheet with a thickness (m), by case and combination.
-    Raises StaticsError if the sheet lost a load."""
+    Raises StaticsError if a load has no support."""
     share = thickness / design.preset.statics.thickness
     loads = {name: case.load.of_thickness(design.surface, share) for name, case in design.statics.cases.items()}
     return sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, loads)
@@ -199,7 +194,7 @@ def cut_loads(design: Design, thickness: float) -> dict[str, LoadCase]:
 
 def cut_statics(design: Design, thickness: float) -> CutStatics:
     """Return the answers of the cut sheet with a thickness (m), from one factorisation for all cases.
-    Raises StaticsError if the sheet does not stand, or if it lost a load."""
+    Raises StaticsError if the sheet does not stand, or if a load has no support."""
     loads = cut_loads(design, thickness)
     unsolved = CutStatics(design, thickness, loads, {})
     is_plane = flat_axis(design.sheet.surface, *loads.values()) is not None
@@ -228,10 +223,10 @@ def _factors(design: Design) -> dict[str, Mapping[str, float]]:
 
 
 def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
-    """Return the verdict on a solved cut sheet with its mass, movement and most used member alone, without faults.
-    use : False to leave the most used member out, which takes longest.
-    The most used member is that of the Eurocode for the material; without one, or without a member between two nodes,
-    it is the von Mises stress over the strength that 99 % of the area does not exceed."""
+    """Return the verdict on a solved cut sheet, only with its mass, movement and most used member.
+    use : False to leave out the most used member, which takes longest.
+    Eurocode gives the most used member. For other materials, or without bays, it is the member with the von Mises
+    stress that 99 % of the area does not exceed."""
     moved, mass = _movement(statics), _mass(statics.design, statics.thickness)
     if not statics.preset.statics.strength:
         return Carrying(statics.thickness, mass, None, moved, remarks=(NO_STRENGTH,))
@@ -240,7 +235,7 @@ def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
 
 
 def cut_carrying(statics: CutStatics) -> Carrying:
-    """Return whether a solved cut sheet carries its loads."""
+    """Return the verdict on a solved cut sheet."""
     outcome, rows = use_and_movement(statics), _reactions(statics)
     use, faults = outcome.use, []
     case = use.case if use else statics.preset.judged_in("ULS", statics.answers)[0]
@@ -257,7 +252,7 @@ def cut_carrying(statics: CutStatics) -> Carrying:
 
 
 def _narrow_ribs(statics: CutStatics) -> tuple[str, ...]:
-    """Return a remark on ribs that twist as bars, unless the sheet is loaded in its plane."""
+    """Return a remark on ribs that twist as bars; none if the sheet is loaded in its plane."""
     ratio = rib_width(statics.model.surface) / statics.thickness
     if ratio >= NARROW_RIB or next(iter(statics.answers.values())).elements.bending is None:
         return ()
@@ -288,19 +283,19 @@ def _most_used_by_code(statics: CutStatics) -> MemberUse:
     bay = int(use.order[0])
     check, case, station = use.governing(bay)
     axis, s = graph.by_id[use.bays.member[bay]].axis, use.bays.s[bay, station]
-    assert axis is not None  # only a member with an axis has bays
+    assert axis is not None  # members with bays have an axis
     place = axis.frames_at(np.array([s % axis.length if axis.closed else s]))[0][0]
     return MemberUse(use.bays.member[bay], float(use.largest[bay]), point_tuple(place), case, str(check))
 
 
 def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
-    """Return the forces of members: from section forces in each case, and as sums in each combination."""
+    """Return the forces of members by case and combination, from the section forces in each case."""
     from dsfab.members.frame import member_forces
 
     factors, surface, sections = _factors(statics.design), statics.model.surface, {}
     linear = next(iter(statics.answers.values())).elements.bending == "hhj"
     make = partial(ShearRecovery.for_surface, surface, linear=linear)
-    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # of every thickness
+    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # for all thicknesses
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)
@@ -344,11 +339,11 @@ def _movement(statics: CutStatics) -> Movement:
 
 
 def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
-    """Return the span (m) that movements are compared with, and what it is in words.
-    It is twice the largest distance of a vertex from the supports, measured across the direction of the load: in plan
-    for snow, in height for wind on a wall. So a cantilever counts double, and a ring spans between its edges. For a
-    column below its load it is the largest distance itself, if that is longer. The sheet's weight counts only if it is
-    the sole load, because it changes with the thickness: a wall in the wind spans its height at each thickness."""
+    """Return the span (m) for the judgement of movements, and words for the span.
+    The span is twice the largest distance of a vertex from the supports, measured across the direction of the load: in
+    plan for snow, in height for wind on a wall. So a cantilever counts double, and a ring spans between its edges. For
+    a column below its load, the span is the largest distance itself, if that is longer. Weight counts for the direction
+    only if it is the sole load, because its share of the load changes with the thickness."""
     net, V, parts = load.force.sum(axis=0), surface.V, load.parts
     if parts is not None and (parts.point.any() or parts.bare.any() or parts.covered.any()):
         net = net - surface.areas @ parts.weight
@@ -361,7 +356,7 @@ def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
 
 
 def _buckling(statics: CutStatics) -> tuple[float | None, str, tuple[str, ...]]:
-    """Return the lowest factor of buckling with its case, and remarks on supports and missing results."""
+    """Return the lowest buckling factor with its case, and remarks on supports and missing results."""
     model, remarks, factors = statics.model, dict[str, None](), dict[str, float]()
     for name in _most_compressed(statics):
         answer, standing = statics.answers[name], mode_supports(model.surface, statics.loads[name])
@@ -399,7 +394,7 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
     preset, surface = statics.preset, statics.design.surface
     supports = acting_on(preset, surface).support
     shares = support_shares(supports, surface, statics.design.sheet)
-    # a sheet in the plane of x and y stands upright: y points up
+    # a sheet in the xy plane stands upright, with y upwards
     up = 1 if flat_axis(statics.model.surface, *statics.loads.values()) == 2 else 2
     along, across = (axis for axis in (0, 1, 2) if axis != up)
     rows = []
@@ -414,8 +409,8 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
 
 
 def support_shares(supports: Iterable[Support], surface: Surface, sheet: Sheet) -> Floats:
-    """Return the share (s, n', 3) of each support in the reaction at each vertex of a cut sheet; supports that hold
-    the same direction of a vertex share its reaction equally."""
+    """Return the share (s, n', 3) of each support in the reaction at each vertex of a cut sheet.
+    Supports that hold the same direction of a vertex have equal shares."""
     marks = np.array([_held_directions(support, surface, sheet) for support in supports])
     return np.asarray(marks / np.maximum(marks.sum(axis=0), 1))
 

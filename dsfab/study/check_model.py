@@ -1,4 +1,4 @@
-"""A design as a finite element model for CalculiX; the comments of the file hold dsfab's own results."""
+"""A design as a finite element model for CalculiX; comments in the file state dsfab's own results."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,27 +22,26 @@ from dsfab.study.verdict.estimates import ModeEstimate
 from dsfab.surface import LoadCase, Surface, support_names
 
 THIN = 0.01
-"""Largest thickness of CPS6 sections over the mean edge. CalculiX makes solid wedges of these sections, and smooths
-changes of thickness, which costs shear stiffness. A cut cantilever was 0.15 to 0.2 % too stiff with a section of a
-third of the mean edge, and 0.02 to 0.03 % too stiff at a hundredth and below."""
+"""Largest thickness of CPS6 sections, divided by the mean edge. CalculiX makes solid wedges of these sections and
+smooths changes of thickness, which lowers the shear stiffness of its mesh. A cut cantilever was 0.15 to 0.2 % too stiff
+with a third of the mean edge, and 0.02 to 0.03 % too stiff with a hundredth and less."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
-    """Return nodes (n + e, 3) in metres, vertices before middles of edges, and triangles (m, 6), corners before
-    middles.
-    Nodes four to six of a triangle lie in the middles of its sides: 1-2, 2-3 and 3-1."""
+    """Return nodes (n + e, 3), metres, first vertices, then middles of edges; and triangles (m, 6).
+    The nodes of a triangle are its corners, and the middles of its sides 1-2, 2-3 and 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
 
 
 def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = None) -> Floats:
-    """Return forces (n + e, 3) in newtons on the nodes of six-node triangles that do the same work as dsfab's loads.
+    """Return forces (n + e, 3), newtons, on the nodes of six-node triangles, which do the same work as dsfab's loads.
     force  : (n, 3) newtons on the vertices, with the share of `spread`.
-    spread : loads per area and per length, which act on the edges' bubble functions, too.
+    spread : loads per area and per length, which also act on the bubble functions of edges.
 
-    The quadratic shape function of a corner is its hat function minus half of the bubbles of its edges; that of a
-    middle node is the bubble. So middles take the force on the bubbles, and corners lose half of that force."""
+    The quadratic shape function of a middle node is the bubble of its edge. That of a corner is its hat function minus
+    half of the bubbles of its edges. So middles take the force on the bubbles, and corners lose half of that force."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
@@ -53,9 +52,8 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
-    """Return a mask of the held directions (n + e, 3) of all nodes for each support, from the masks (n, 3) of vertices.
-    Middles follow `held_middles`. A middle between two supports belongs to the first support that holds one of its
-    ends."""
+    """Return a mask (n + e, 3) of the held directions of all nodes for each support, from masks (n, 3) of vertices.
+    A middle of an edge follows `held_middles`; between two supports, it belongs to the first that holds an end."""
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
     directions = {}
@@ -78,11 +76,11 @@ def six_node_model(
     element: Element = "S6",
     axis: int = 2,
 ) -> CalculixModel:
-    """Return the CalculiX model of a sheet. Faces that are fixed in all directions do not turn, as in dsfab.
+    """Return the CalculiX model of a sheet. Faces that are fixed in all directions do not rotate, as in dsfab.
     supports : (n, 3) mask of held directions of the vertices, by name of the support.
     steps    : (n + e, 3) newtons, by name of the step, see `nodal_forces`.
-    springs  : (n, 3) newtons per metre on the vertices.
-    element  : CPS6 for a flat sheet that is loaded in its plane, across the coordinate `axis`."""
+    springs  : (n, 3) newtons per metre at the vertices.
+    element  : CPS6 for a flat sheet that is loaded in its plane, perpendicular to the coordinate `axis`."""
     surface, material, clamped = sheet.surface, sheet.material, sheet.clamped
     edges = surface.edges
     X, T = six_node_triangles(surface)
@@ -102,19 +100,19 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return the coordinates (3,), by number, that become x, y and z of a file for a view along `axis`."""
+    """Return the numbers (3,) of the coordinates that become x, y and z of a file for a view along `axis`."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
 def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel:
     """Return the model in CPS6, seen along the coordinate `axis`: the two remaining coordinates become x and y.
-    thickness : largest thickness of the section, metres. A thinner section gets a stiffer material: displacements,
-                reactions and energy stay, and stresses grow.
+    thickness : largest thickness of the section, metres. A thinner section gets a stiffer material, which preserves
+                displacements, reactions and energy, and increases stresses.
     Raises StaticsError for a sheet that is not flat."""
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
         raise StaticsError("a sheet that is not flat cannot be solved in its plane; choose S6 elements")
     turn = axes_of_file(axis)
-    nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # 0.0 turns -0 into 0
+    nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # + 0.0 makes 0 from -0
     notes = list(model.notes)
     if axis != 2:
         notes.append(f"AXES: x and y of this file are {'xyz'[turn[0]]} and {'xyz'[turn[1]]} of the surface")
@@ -142,17 +140,16 @@ UNRELIABLE = (
     "S6 shells are unreliable on cut curved sheets: CalculiX may refuse the file or answer far too soft; check the "
     "uncut sheet instead, or a sheet that is flat and loaded in its plane"
 )
-
 LOADS = {
     "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
     "cut": "Loads are those of the cut sheet: its own weight, and loads of coverings on the material nearest to them",
 }
-"""Sentence that explains the loads of each kind of model."""
+"""Sentence about the loads of each kind of model."""
 
 
 @dataclass(frozen=True, eq=False)
 class CheckModel:
-    """A CalculiX model, its surface, and dsfab's own results for the steps of the model."""
+    """A CalculiX model, its surface, and dsfab's own results for each step."""
 
     model: CalculixModel
     surface: Surface
@@ -161,8 +158,8 @@ class CheckModel:
 
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
-    """Return the model of a preset's whole surface, with a step for each case and combination. Elements are S6 shells,
-    or CPS6 for a flat surface that is loaded in its plane. Raises DsfabError if the preset cannot be solved."""
+    """Return the model of a preset's uncut surface, with a step for each case and combination.
+    Elements: S6 shells, or CPS6 for a flat surface loaded in its plane. Raises DsfabError if a stage fails."""
     log = Log(progress)
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)
@@ -177,9 +174,9 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
 
 
 def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
-    """Return the model of a design's cut sheet; its vertices carry the loads of the uncut surface (`sheet_load`)."""
+    """Return the model of a design's cut sheet, with the loads of the uncut surface on its vertices (`sheet_load`)."""
     sheet, preset = design.sheet, design.preset
-    nothing = SpreadLoad.broadcast(sheet.surface)  # the vertices carry the spread loads
+    nothing = SpreadLoad.broadcast(sheet.surface)  # the forces at vertices include spread loads
     acting = [
         Loading(name, sheet_load(design.surface, sheet, case.load), nothing, case.factors)
         for name, case in design.statics.cases.items()
@@ -260,7 +257,7 @@ def _check_model(
 def _answers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], cases: Mapping[str, LoadCase]
 ) -> dict[str, Equilibrium]:
-    """Return results by elements that have the same displacements as six-node triangles."""
+    """Return results by elements that have the displacements of six-node triangles."""
     spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")

@@ -29,14 +29,14 @@ from dsfab.study.baselines.structures import striped_structure
 from dsfab.study.judges import Judge, Judgement, full, quick
 from dsfab.study.verdict import BUDGET
 
-NameReport = Callable[[str], None]  # called with the name of the competitor that is next
+NameReport = Callable[[str], None]  # receives the name of the next competitor
 
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
     """A design and its competitors under the loads that the pattern follows; a smaller compliance is stiffer.
-    Compliances of several load cases are added, with the weights of [diffusion] (default 1).
-    task      : the common input.    pattern : measures of the design's pattern, unless its widths are scaled.
+    Compliances of several load cases are added with the weights of [diffusion].
+    task      : the common input.    pattern : quality of the design's pattern, unless its widths are scaled.
     looked_at : alternatives that are not among the competitors."""
 
     name: str
@@ -54,30 +54,28 @@ class Comparison:
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
-        """Return the comparison with a quick solve of the alternatives that are not competitors."""
+        """Return the comparison with a fast solve of the alternatives that are not competitors."""
         missing = [name for name in ALTERNATIVE_WORDS if name not in {rival.name for rival in self.rivals}]
         structure = self.design.structure
         return replace(self, looked_at=alternatives(self.task, structure, missing)) if structure and missing else self
 
     @property
     def competitors(self) -> tuple[Competitor, ...]:
-        """The full sheet, the design, and the rivals in the requested order."""
+        """The full sheet, the design, and the other competitors in the requested order."""
         return (self.full, self.design, *self.rivals)
 
     def __getitem__(self, name: str) -> Competitor:
-        """Return a competitor by its name."""
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return a competitor's compliance over the design's: above 1 the design is stiffer. The result is nan if
-        neither carries the loads."""
+        """Return a competitor's compliance divided by the design's: above 1 the design is stiffer. nan if both fail."""
         rival, design_compliance = self[name].compliance, self.design.compliance
         if np.isfinite(design_compliance):
             return rival / design_compliance
         return 0.0 if np.isfinite(rival) else float("nan")
 
     def __repr__(self) -> str:
-        """Return a table: name, compliance, its ratio to the design's, and mass."""
+        """Return a table: name, compliance, its ratio to that of the design, and mass."""
         rows = []
         for entry in self.competitors:
             values = (f"{entry.compliance:.4g} J", f"{self.gain(entry.name):.3g} x the design's", mass(entry.mass))
@@ -104,12 +102,11 @@ def comparison(
     rival_judge: Judge | None = None,
     refuse: bool = True,
 ) -> Comparison:
-    """Compare the compliance of the design's own cut sheet with competitors of the same mass.
-    against : names of `BASELINES`.     judge : judge of the design and the full sheet. Of several variants, the best by
-              `quick` is judged.
-    rival_judge : judge of the competitors; default: `judge`.
-    refuse  : whether to raise an error if the design does not carry its loads. Otherwise the comparison holds the
-              error. Competitors have the mass of the cut sheet; a design that cannot be cut has no competitors.
+    """Compare the compliance of the design's cut sheet with competitors of the same mass.
+    against : names of `BASELINES`.     judge : judge of the design and the full sheet.
+    rival_judge : judge of the competitors, for the best variant by `quick`; default: `judge`.
+    refuse  : whether a design that does not carry its loads raises an error. If False, the comparison holds the error,
+              and a design that cannot be cut has no competitors.
     Raises StaticsError if the design does not carry its loads, for instance a concentrated load on a loose piece.
     Raises DsfabError for unknown names."""
     rivals = baselines_by_name(against)
@@ -134,8 +131,8 @@ def compare_at(
     judge: Judge = quick,
     report: NameReport | None = None,
 ) -> Comparison:
-    """Compare sheets that all cover `share` of the surface; the design's widths are scaled to that share. If the design
-    does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names, or for a share that
+    """Compare sheets that cover `share` of the surface; the design's widths are scaled to this share. If the design
+    does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names, and for a share that
     is not between 0 and 1."""
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
@@ -215,14 +212,13 @@ def _with_measures(task: ComparisonTask, entered: Competitor, structure: Structu
 
 
 def _smallest_member(structure: Structure) -> float | None:
-    if structure.cells is structure.sheet:  # an uncut sheet has no members
+    if structure.cells is structure.sheet:  # uncut
         return None
     member = features(structure.cells, kept_cells(structure.cells, structure.sheet), structure.names).member
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # measured for full checks; True: sheet solved in its plane
-
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # for full checks; True: sheet solved in its plane
 Level = Literal["quick", "full"]
 
 
@@ -239,7 +235,7 @@ class Checks:
 
     def judge(self, depth: str, every: bool = False) -> Judge:
         """Return the judge of a depth: quick, full, or whole (full for whole sheets, quick for cut sheets).
-        The depth "whole" exists because one solve is inexact on the coarse meshes of whole sheets.
+        Depth "whole" is for whole sheets with coarse meshes, on which one solve is inexact.
         every : whether to judge all cases."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
@@ -250,7 +246,7 @@ class Checks:
 
 class Judges(NamedTuple):
     """The judge of the design (for all cases) and the judge of its competitors.
-    told : why the competitors get one solve only; '' for a full check."""
+    told : reason why competitors get one solve only; '' for a full check."""
 
     own: Judge
     rival: Judge
@@ -260,9 +256,9 @@ class Judges(NamedTuple):
 def compare(
     design: Design, against: Iterable[str] = DEFAULT, level: Level | None = None, progress: Progress = silent
 ) -> Comparison:
-    """Compare the compliance of the design's own cut sheet with competitors of the same mass, like `dsfab compare`.
+    """Compare the compliance of the design's cut sheet with competitors of the same mass, like `dsfab compare`.
     against : names of `dsfab.study.baselines.BASELINES`.
-    level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, and a tested error bound.
+    level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, with a tested error bound.
               None: full for the design, and for competitors if all checks take less than a minute.
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     names = tuple(against)
@@ -277,7 +273,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
         whole_sheets = 1 + ("thinner" in names)
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
-        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core, on two meshes
+        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core and two meshes
         if seconds > 60:
             reason = f"full checks of all would take about {seconds:.0f} s: cut competitors are judged by one solve"
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)
@@ -286,8 +282,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
 
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
-    """Return the judge `full` for comparisons at many shares of one surface. It judges whole sheets of the same
-    thickness only once.
+    """Return the judge `full` for comparisons at many shares of one surface. It judges equal whole sheets only once.
     memory : bytes that the solver may take."""
     judge = partial(full, budget=memory)
     return _full_for_whole_sheets(judge, judge)
@@ -301,7 +296,7 @@ def _can_be_cut(design: Design) -> bool:
 
 
 def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
-    """Return a judge that uses `cut` for cut sheets and `whole_judge`, once for each thickness, for uncut sheets."""
+    """Return a judge that uses `cut` for cut sheets; `whole_judge` judges whole sheets once for each thickness."""
     judgements: dict[float, Judgement] = {}
 
     def judge(task: ComparisonTask, structure: Structure) -> Judgement:

@@ -1,4 +1,4 @@
-"""Fabrication limits: the smallest members, gaps and walls of a design, and changes of a preset to meet the limits."""
+"""Fabrication limits: the smallest members, gaps and walls of a design, and changes to meet the limits."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,9 +23,9 @@ from dsfab.thickening.wall_thickness import Wall, thinnest_wall
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """A limit and its measured value, metres (for `bed` three lengths each).
-    name  : key of [fabrication].    value, place, what : empty if the design has no such feature, which passes.
-    asked : True for a limit of the preset's [fabrication]; False for a limit from `least_widths`."""
+    """A limit and its measured value, metres (three lengths each for `bed`).
+    name  : key of [fabrication].    value, place, what : empty if the design has no such feature.
+    asked : True for a limit of the preset's [fabrication]; False for a limit of `least_widths`."""
 
     name: str
     limit: tuple[float, ...]
@@ -38,8 +38,8 @@ class Check:
 
 @dataclass(frozen=True)
 class PieceContacts:
-    """A piece of the sheet with its area (m2), and the supports and loads that act on it, by number from 1.
-    names : names of these supports and loads."""
+    """A piece of the sheet with its area (m2), and the numbers, from 1, of the supports and loads that act on it.
+    names : of these supports and loads."""
 
     area: float
     supports: tuple[int, ...]
@@ -61,12 +61,11 @@ class FabricationMeasures:
 
     @property
     def failed_checks(self) -> tuple[Check, ...]:
-        """Checks that fail."""
         return tuple(check for check in self.checks if check.verdict == "fail")
 
 
 def fabrication(design: Design) -> FabricationMeasures:
-    """Measure the built sheet and solid of a design, and compare the measures with the limits of the preset."""
+    """Measure the sheet and the solid of a design, and compare the measures with the preset's limits."""
     cells = design.slicing.cells
     least = least_widths(design.resolved_preset, design.surface)
     sizes = features(cells, kept_cells(cells, design.sheet), design.pattern.names, tips=least.gap > 0)
@@ -89,9 +88,9 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
-    """Return reasons, as clauses, why a design must not be exported without the user's consent. Reasons are loads that
-    nothing carries, and a sheet thinned to a film. In a workshop design, members and openings under a millimetre and
-    under their limit are reasons, too.
+    """Return reasons, as clauses, against an export without the user's consent. Reasons are loads without support, and
+    a sheet thinned to a film. In a workshop design, members and openings under a millimetre and under their limit are
+    reasons, too.
     measured : measures of the design; None leaves out the reasons that need measures."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
@@ -134,7 +133,7 @@ def _piece_contacts(design: Design) -> tuple[PieceContacts, ...]:
     def numbers_touching(entries: Sequence[object]) -> list[list[int]]:
         numbers: list[list[int]] = [[] for _ in range(count)]
         for number, entry in enumerate(entries, 1):
-            if (picker := getattr(entry, "at", None)) is not None:  # self-weight has no picker
+            if (picker := getattr(entry, "at", None)) is not None:
                 for k in _pieces_at(design, picker, label):
                     numbers[k].append(number)
         return numbers
@@ -159,9 +158,9 @@ def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
     return [int(k) for k in np.unique(label[is_touched[design.sheet.surface.F].any(axis=1)])]
 
 
-ATTEMPTS = 8  # limit on the number of changes, because after each change the whole design is measured
-MARGIN = 1.02  # factor from a limit to the requested width, because slicing moves lines slightly
-COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor on frequencies, used if wider members do not suffice
+ATTEMPTS = 8  # most changes of a design, because each change takes a whole run
+MARGIN = 1.02  # requested width divided by its limit, because slicing moves lines slightly
+COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor on frequencies, if wider members do not suffice
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,10 +174,10 @@ class FixedDesign:
 
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
     """Return the design, changed until no check of its [fabrication] fails.
-    Members widen by pattern.width.min_width, and by the rim or the kept region if these are narrow.
-    pattern.width.min_gap fills gaps between stripes of a family, and slicing.min_opening fills gaps between families.
-    Later changes also lower the frequencies. Each new design uses earlier stages of the previous design. Raises
-    PatternError if another section must change (walls, bed), or if `ATTEMPTS` changes do not suffice."""
+    pattern.width.min_width widens members, if necessary also the rim or the kept region. pattern.width.min_gap fills
+    gaps between stripes of a family, slicing.min_opening gaps between families. Later changes also lower the
+    frequencies. Each design uses unchanged stages of the previous design. Raises PatternError if another section must
+    change (walls, bed), or if `ATTEMPTS` changes do not suffice."""
     original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
         if not measured.failed_checks:
@@ -188,7 +187,7 @@ def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesig
         changes = _changes(design, measured) | (_fewer_stripes(design, measured) if turn >= ATTEMPTS // 2 else {})
         try:
             design = revise(design, with_overrides(design.preset, changes), progress)
-        except PatternError:  # wider stripes may need more than the requested share of material
+        except PatternError:  # wider stripes may not fit into the requested share
             design = revise(design, with_overrides(design.preset, _fewer_stripes(design, measured)), progress)
         measured = fabrication(design)
     if measured.failed_checks:
@@ -235,7 +234,7 @@ def _fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, A
 
 
 def spacing_changes(design: Design, factor: float) -> dict[str, Any]:
-    """Return values of the preset, by dotted keys, for stripes with `factor` times the spacing."""
+    """Return values of the preset, by dotted key, for stripes with `factor` times the spacing."""
     pattern, changes = design.preset.pattern, dict[str, Any]()
     for name, family in zip(pattern.family_names, pattern.drawn_families, strict=True):
         if family.spacing or design.pattern.even:
@@ -260,7 +259,7 @@ def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def _raised_value(value: float, check: Check) -> float:
-    """Return a larger width: the limit; or, if the limit was not enough, at most 1.25 times the old width."""
+    """Return a larger width: the limit or, if the limit did not suffice, at most 1.25 times the old width."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)
@@ -268,7 +267,7 @@ def _raised_value(value: float, check: Check) -> float:
 
 
 def _four_digits(value: float) -> float:
-    return float(f"{value:.4g}")  # a user can copy a short number into a preset
+    return float(f"{value:.4g}")
 
 
 def _differences(old: Preset, new: Preset) -> dict[str, tuple[Any, Any]]:

@@ -1,4 +1,4 @@
-"""Judges of structures: they compute displacements and compliance by one solve, or on finer and finer meshes."""
+"""Judges of structures: compliance, displacements and stress by one solve, or on finer and finer meshes."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -31,18 +31,18 @@ from dsfab.surface import LoadCase
 @dataclass(frozen=True)
 class CaseResponse:
     """Response of a sheet to a load.
-    compliance, displacement : joules, and metres with its place.
+    compliance, displacement : joules, and metres with the place.
     stress, tension, compression : Pa, on the finest solved mesh; see `dsfab.study.verdict.estimates`.
     triangles   : number of triangles of that mesh.
-    utilisation : two values of stress over strength. 99 % of the area does not exceed the first. The second is the
-                  largest at a rib's width or more from corners.
-    reactions   : newtons (3,), of each entry of surface.support, in their order.
+    utilisation : stress over strength: the value that 99 % of the area does not exceed, and the largest value at a
+                  rib's width or more from corners.
+    reactions   : (3,) newtons, of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
     buckling, frequency : lowest load factor, and hertz; None without a request or a result.
-    buckling_bound, frequency_bound : half width of their intervals over the value; None for one mesh.
+    buckling_bound, frequency_bound : half width of the interval, divided by the value; None for one mesh.
     refusals    : reasons for missing values.
     assumed     : assumptions about the supports for buckling and frequency, see `dsfab.statics.mode_supports`; or ''.
-    local       : clause about a lowest buckling mode that is local, see `dsfab.statics.lowest_buckling`; or ''."""
+    local       : clause about a local buckling mode, see `dsfab.statics.lowest_buckling`; or ''."""
 
     compliance: float
     displacement: Extreme
@@ -67,12 +67,11 @@ class CaseResponse:
 class Judgement:
     """Result of a judge for a structure.
     compliance : joules, the weighted sum over the loads that the pattern follows.
-    bound      : relative error bound, or None if the judge has none.
-    verdict    : status of the bound (reliable or not); `reason` explains it.
-    cases      : by name, the response to each load, by one solve on the unrefined mesh.
+    bound      : relative error bound; None without a bound.
+    verdict    : status of the bound; `reason` explains the status.
+    cases      : response to each load by its name, by one solve on the unrefined mesh.
     check      : the verdict on several meshes; None for one mesh.
-    theory     : fraction by which a solid may be softer than the shell, see `dsfab.study.verdict`; None by one solve.
-    """
+    theory     : share by which a solid may be softer than the shell, see `dsfab.study.verdict`; None for one mesh."""
 
     compliance: float
     cases: Mapping[str, CaseResponse]
@@ -84,7 +83,6 @@ class Judgement:
 
     @property
     def level(self) -> Literal["quick", "full"]:
-        """Level of the check: quick or full."""
         return "full" if self.check else "quick"
 
     def worst(self, name: str) -> Extreme:
@@ -93,12 +91,12 @@ class Judgement:
         return max(extremes, key=lambda extreme: extreme.settled)
 
 
-Judge = Callable[[ComparisonTask, Structure], Judgement]  # raises DsfabError if the structure does not carry its loads
+Judge = Callable[[ComparisonTask, Structure], Judgement]  # raises DsfabError if a load has no support
 
 
 @dataclass(frozen=True, eq=False)
 class AnsweredLoad:
-    """A load on a cut sheet, its equilibrium on the unrefined mesh, and the stress."""
+    """A load on a cut sheet, and its equilibrium and stress on the unrefined mesh."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -107,7 +105,7 @@ class AnsweredLoad:
 
 def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, AnsweredLoad]:
     """Solve a structure's sheet for each load that the pattern follows, or for all cases and combinations if `every`.
-    Raises StaticsError if the structure does not carry its loads, for instance a concentrated load on a loose piece."""
+    Raises StaticsError if the structure does not carry a load, for instance a concentrated load on a loose piece."""
     statics, surface = task.preset.statics, structure.sheet.surface
     loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure, every))
     sheet = statics.sheet(structure.thickness).model_for(surface)
@@ -122,11 +120,12 @@ def quick(
     task: ComparisonTask, structure: Structure, ask: ResultRequest | None = None, every: bool = False
 ) -> Judgement:
     """Judge by one solve on the unrefined mesh: compliance, displacements, stress and reactions. The error is typically
-    within 2 %, and for nine designs in ten within 5 %, which is the bound. This allows a comparison of similar sheets,
-    but no verdict. Whole sheets that bend get a bound of 50 %, because the error for the dome's thinner sheet was 32 %.
-    ask   : number of frequencies and load factors; only the lowest is computed.
-    every : whether to judge each case and combination, and not only those that the pattern follows.
-    Raises StaticsError as `solved_loads` does."""
+    within 2 %, and for nine designs in ten within 5 %, which is the bound. Such a judgement can compare similar sheets,
+    but gives no verdict. Whole sheets that bend get a bound of 50 %, because the dome's thinner sheet had an error of
+    32 %.
+    ask   : requested frequencies and load factors; only the lowest is computed.
+    every : whether to judge all cases and combinations, or only those that the pattern follows.
+    Raises StaticsError as `solved_loads`."""
     answers, request = solved_loads(task, structure, every), ask or ResultRequest()
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
     total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
@@ -201,12 +200,10 @@ def full(
     budget: float = BUDGET,
     progress: Progress | None = None,
 ) -> Judgement:
-    """Judge like `quick`, with compliance, buckling and frequency from finer meshes, and their bounds. The compliance
-    is that of `dsfab.study.verdict.check`, and modes are those of `mode_intervals`. Stress comes from the finest mesh;
-    displacements and reactions are those of the unrefined mesh. If the budget allows no solve, all results are those of
-    `quick`.
-    every : whether to judge each case and combination. If the sheet does not carry a case that the pattern does not
-            follow, the verdict is `fail`.
+    """Judge like `quick`, but with compliance, buckling and frequency from finer meshes, and their bounds. Compliance
+    comes from `dsfab.study.verdict.check`, modes from `mode_intervals`, stress from the finest mesh, and displacements
+    and reactions from the unrefined mesh. If the budget allows no solve, all results are those of `quick`.
+    every : whether to judge all cases and combinations; the verdict is `fail` if only the followed loads are carried.
     ask   : as for `quick`.         budget : bytes.
     Raises StaticsError if the structure does not carry the loads that its pattern follows."""
     try:

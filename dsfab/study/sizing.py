@@ -19,22 +19,22 @@ from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_loads, use_
 from dsfab.study.fabrication import spacing_changes
 
 REACH, REACH_UP = 3.0, 6.0
-"""Largest ratio of the first guess to a tried thickness, and of a tried thickness to it; solves at two thicknesses then
-suffice. The guess follows from the span alone, and a footbridge of 28 m under people needs over 3 times it."""
-OWN_CUTS = 2  # Number of designs that are cut with a thickness of their own; the second is one step thicker or thinner.
+"""Largest ratio of the first guess to a tried thickness, and of a tried thickness to the first guess. Within these
+ratios solves at two thicknesses suffice. The guess follows from the span only; a footbridge of 28 m under people needs
+over 3 times the guess."""
+OWN_CUTS = 2  # Most designs that are cut with their own thickness; the second is one step thicker or thinner.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
-MORE, MOST = 1.3, 0.75
-"""Factor on the share of material, or on the width of members, if no thickness suffices; and the largest share."""
-CLOSER = 0.75  # Factor on the spacing of members if more material does not suffice either.
+MORE, MOST = 1.3, 0.75  # Factor on the share or width of members if no thickness suffices, and the largest share.
+CLOSER = 0.75  # Factor on the spacing of members if more material does not suffice.
 
 
 @dataclass(frozen=True)
 class SizingTrial:
     """A tried thickness (m), and figures of the cut sheet as in `Carrying`.
-    share    : of the surface that is material.        movement : over the span.        buckling : inf without one.
-    utilisation : None where the choice of the thickness does not depend on it.
-    excess   : by target, the figure over its limit, or the limit over the figure; at most 1 meets the target.
-    is_final : true if the design was cut with this thickness, not judged on the cut of another one."""
+    share    : of the surface that is material.     movement : divided by the span.     buckling : inf if unknown.
+    utilisation : None if it was not needed for the choice.
+    excess   : by target, the figure divided by its limit, or the limit by the figure; up to 1 the target is met.
+    is_final : true if the design was cut with this thickness, false for the cut of another thickness."""
 
     thickness: float
     share: float
@@ -47,12 +47,11 @@ class SizingTrial:
 
     @property
     def worst(self) -> float:
-        """The largest excess."""
         return max(self.excess.values())
 
     @property
     def row(self) -> tuple[str, ...]:
-        """The trial as texts, for a table."""
+        """Texts for a row of a table."""
         missed = ", ".join(name for name, value in self.excess.items() if value > 1)
         moved = f"span / {1 / self.movement:.0f}" if self.movement > 0 else "none"
         moved = moved if self.movement < 1 else "over its span"
@@ -65,8 +64,8 @@ class SizingTrial:
 
 @dataclass(frozen=True)
 class SizingResult:
-    """The trials behind a design; its own is the last. stock : origin of the list of thicknesses, in words.
-    changes : values of the pattern, by dotted keys, without which no thickness suffices."""
+    """The trials behind a design; the last trial is that of the design.
+    stock : words for the origin of the thicknesses.     changes : changed values of the pattern, by dotted key."""
 
     trials: tuple[SizingTrial, ...]
     stock: str
@@ -78,8 +77,8 @@ class SizingResult:
         return self.trials[-1].worst <= 1
 
     def lines(self, every: bool = False) -> Iterator[str]:
-        """Yield lines: a table of the trials, of `every` thickness or of those next to the design's, then remarks.
-        If several patterns were tried, the short table has one thickness of each."""
+        """Yield a table of the trials, then remarks. The short table has the thicknesses next to the chosen one, or
+        one for each pattern. every : True for all thicknesses."""
         thickness, stock = self.trials[-1].thickness, sorted({trial.thickness for trial in self.trials})
         k = stock.index(thickness)
         shown = stock[max(0, k - 1) : k + 1] if len(self.trials) <= len(stock) + OWN_CUTS else [thickness]
@@ -98,7 +97,7 @@ class SizingResult:
             )
 
     def facts(self) -> dict[str, Any]:
-        """Return the key `sizing` of `design.json`, in SI units; figures without a value are None."""
+        """Return the key `sizing` of `design.json`, in SI units; unknown figures are None."""
 
         def finite(values: dict[str, Any]) -> dict[str, Any]:
             return {key: None if value == float("inf") else value for key, value in values.items()}
@@ -114,17 +113,17 @@ def sizing_result(design: Design) -> SizingResult | None:
 
 
 def run_sized(preset: Preset, progress: Progress = silent) -> Design:
-    """Run all stages of a preset; sizing chooses the thickness if the preset leaves it open."""
+    """Run all stages of a preset; if its thickness is auto, sizing chooses the thickness."""
     return run(preset, progress) if preset.statics.is_sized else sized_design(preset, progress).until("thickening")
 
 
 def sized_preset(preset: Preset, progress: Progress = silent) -> Preset:
-    """Return the preset with the thickness that `sized_design` chooses, if the preset leaves it open."""
+    """Return the preset; if its thickness is auto, with the thickness that `sized_design` chooses."""
     return preset if preset.statics.is_sized else sized_design(preset, progress).preset
 
 
 def guessed_preset(preset: Preset) -> Preset:
-    """Return the preset with a first guess of the thickness, if it leaves it open; for quick drawings."""
+    """Return the preset; if its thickness is auto, with a first guess, for quick drawings."""
     if preset.statics.is_sized:
         return preset
     guess = preset.sizing.first
@@ -137,10 +136,10 @@ def guessed_preset(preset: Preset) -> Preset:
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design with the thinnest sheet that meets the targets of [sizing], up to slicing.
 
-    The cut sheet of a first guess is solved at two thicknesses; these give the figures of the whole stock. The design
-    is then cut with the thinnest that meets the targets, and solved again. If it misses a target, the next thickness
-    follows; if it would meet them thinner, the thinner one. If no thickness suffices, the pattern gets more material,
-    then also closer members. If still none does, the best of the trials is returned. `sizing_result` has the trials.
+    The cut sheet of a first guess is solved at two thicknesses, which gives the figures of the whole stock. The design
+    is then cut with the thinnest sufficient thickness, and solved again. If it misses a target, the next thickness
+    follows; if a thinner sheet may suffice, the next thinner one follows. If no thickness suffices, the pattern gets
+    more material, then also a smaller spacing. If this does not suffice, the best trial is returned.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
     guess = guessed_preset(preset)
@@ -170,7 +169,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
 
 
 def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Design:
-    """Return the design of a first guess, or of the thickest sheet (m) if the uncut sheet moves too much to go on."""
+    """Return the design of a first guess; if its uncut sheet moves too much, the design of the thickest sheet (m)."""
     design = Design.from_preset(guess, None, progress)
     is_refused = bool(refusal(guess, design.statics))
     return Design.from_preset(guess.with_thickness(thickest), design, progress) if is_refused else design
@@ -179,8 +178,8 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
 def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
-    """Return trials of designs that are cut with their own thickness, and the thinnest that meets all targets; its
-    trial is the last. Wider members and larger fillets may make a thinner sheet than that of the rows sufficient."""
+    """Return trials of designs that are cut with their own thickness, and the thinnest sufficient design; its trial is
+    the last. With wider members and larger fillets, a thinner sheet may suffice than on the first cut."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     start = next((k for k, row in enumerate(rows.trials) if row.worst <= 1), count)
     k = bisect_left(range(count), True, lo=start, key=lambda k: rows.full_trial(k).worst <= 1)
@@ -206,7 +205,7 @@ def _with_result(design: Design, result: SizingResult) -> Design:
 
 
 def _stock(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
-    """Return the thicknesses to try (m), ascending, and their origin in words. guess : metres."""
+    """Return the thicknesses to try (m), ascending, and words for their origin. guess : metres."""
     if preset.sizing.thicknesses:
         return sorted(preset.sizing.thicknesses), "sizing.thicknesses of the preset"
     stock = STOCK.get(preset.statics.material or "")
@@ -220,7 +219,7 @@ def _stock(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
 
 
 def _changes(design: Design) -> list[dict[str, Any]]:
-    """Return changes of the pattern to try one after the other: none, more material, and also closer members."""
+    """Return changes of the pattern in the order of trials: none, more material, and also a smaller spacing."""
     width, wider = design.preset.pattern.width, dict[str, Any]()
     if width.solid_fraction:
         wider["pattern.width.solid_fraction"] = two_digits(min(MORE * width.solid_fraction, MOST))
@@ -231,14 +230,14 @@ def _changes(design: Design) -> list[dict[str, Any]]:
 
 @dataclass
 class _StockTrials:
-    """Trials of each thickness of a stock on one cut sheet; `full_trial` adds the utilisation, which takes longest."""
+    """Trials of each thickness of a stock on one cut sheet."""
 
     design: Design
     basis: ThicknessBasis
     trials: list[SizingTrial] = field(default_factory=list)
 
     def full_trial(self, k: int) -> SizingTrial:
-        """Return the trial of thickness k with its utilisation."""
+        """Return the trial of thickness k with its utilisation, which takes longest."""
         row = self.trials[k]
         if row.utilisation is None:
             outcome = use_and_movement(self.statics(row.thickness))
@@ -263,10 +262,10 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
-    """Return the trial of a solved structure. row : its trial on the cut of another thickness, whose factor of buckling
-    replaces one that `carrying` could not compute."""
+    """Return the trial of a solved structure. row : the trial of the same thickness on the cut of another thickness;
+    its buckling factor is used if `carrying` could not compute one."""
     targets = design.preset.sizing
-    use = outcome.use.value if outcome.use else float("inf") if row else None  # only trials of a stock leave it out
+    use = outcome.use.value if outcome.use else float("inf") if row else None  # None for trials of a stock
     movement = outcome.movement.share if outcome.movement else float("inf")
     factor = outcome.buckling or (row.buckling if row else float("inf"))
     excess: dict[str, float] = {} if use is None else {"utilisation": use / targets.utilisation}

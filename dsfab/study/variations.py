@@ -10,12 +10,12 @@ from dsfab.core.errors import DsfabError
 from dsfab.preset.file import parse_override
 from dsfab.preset.model import STAGES
 
-Values = Mapping[str, Sequence[Any]]  # dotted keys and their values
+Values = Mapping[str, Sequence[Any]]  # values by dotted key
 
 
 def parse_variations(texts: Sequence[str]) -> Values:
-    """Return the keys with their values from texts `KEY=LOW:HIGH:COUNT` (equal steps, both ends included) or
-    `KEY=ONE,TWO,...`. Raises DsfabError for any other text, and for empty ranges and repeated values or keys."""
+    """Return the values by key from texts `KEY=LOW:HIGH:COUNT` (equal steps, both ends included) or `KEY=ONE,TWO,...`.
+    Raises DsfabError for any other text, for empty ranges, and for repeated values or keys."""
     variations = dict[str, list[Any]]()
     for text in texts:
         key, equals, values = (part.strip() for part in text.partition("="))
@@ -61,7 +61,6 @@ def _parsed_list(text: str, key: str, values: str) -> list[Any]:
 
 
 def count(values: Values) -> int:
-    """Return the number of combinations."""
     return prod(len(listed) for listed in values.values())
 
 
@@ -71,13 +70,13 @@ def combinations(values: Values) -> Iterator[dict[str, Any]]:
 
 
 def stage_of(key: str) -> int:
-    """Return the position of a key's stage in `STAGES`; a key without a stage has the position after the last."""
+    """Return the index of a key's stage in `STAGES`; keys without a stage come after the last stage."""
     section = key.split(".")[0]
     return STAGES.index(section) if section in STAGES else len(STAGES)
 
 
 def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the changed values of each stage as a text. Two runs share all stages before the first different text."""
+    """Return a text of the changed values for each stage; two runs share all stages before the first difference."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
         section = key.split(".")[0]
@@ -87,8 +86,8 @@ def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Return indices of the runs in an order in which successive runs share many stages: keys of early stages change
-    least often. Values of a stage keep the order in which they first appear."""
+    """Return the indices of the runs in an order in which successive runs share many stages.
+    Keys of early stages change least often; values of a stage keep the order of their first appearance."""
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
     for texts in signatures:
@@ -102,13 +101,13 @@ def expected_seconds(values: Values, stages: Mapping[str, float], picture: float
     """Estimate the seconds for all pictures, from the seconds of each stage and of one picture."""
     total = picture * count(values)
     for stage, seconds in stages.items():
-        # a stage runs once for each combination of the values of its own and of earlier keys
+        # a stage runs once for each combination of the values of its keys and of earlier keys
         total += seconds * prod(len(v) for key, v in values.items() if stage_of(key) <= STAGES.index(stage))
     return total
 
 
 def spelled_value(value: Any) -> str:
-    """Return a value as it is written after KEY= on the command line."""
+    """Return a value as users write it after KEY= on the command line."""
     if isinstance(value, str) and value.replace("_", "").isalpha() and value not in ("true", "false", "inf", "nan"):
         return value
     return json.dumps(value)

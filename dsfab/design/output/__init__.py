@@ -1,4 +1,4 @@
-"""Contents of each output file of a design; reading of a design from its folder.
+"""Files of a design, and reading of a design from its folder.
 
 files     one file of a design, and smooth STEP    fields    lines and fields for drawings and ParaView
 archive   `design.npz`, from which dsfab reads the design later"""

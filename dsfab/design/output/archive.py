@@ -1,4 +1,4 @@
-"""The archive `design.npz` of a design; dsfab writes further formats from it, without solving again."""
+"""The archive `design.npz` of a design, from which dsfab writes further formats without solving again."""
 
 import json
 import zipfile
@@ -26,12 +26,11 @@ from dsfab.thickening import Repairs, Solid
 
 Field = Floats | CornerField | DividedField
 Arrays = dict[str, NDArray[Any]]
-STEERED = ("along", "guided", "over")
-"""Fields of `StripeSteering` in the archive; the message of the steering is among the notes."""
+STEERED = ("along", "guided", "over")  # Fields of `StripeSteering` in the archive.
 
 
 def field_arrays(key: str, field: Field) -> Arrays:
-    """Return the arrays that store a field, by name; a plain array of values has the name `key`."""
+    """Return the arrays that store a field, by name; `key` is the name of a plain array of values."""
     if isinstance(field, DividedField):
         divided = field.divided
         rows = {"data": divided.weights.data, "indices": divided.weights.indices, "indptr": divided.weights.indptr}
@@ -39,12 +38,8 @@ def field_arrays(key: str, field: Field) -> Arrays:
         return {key: field.x, **{f"part_{name}": array for name, array in parts.items()}}
     if not isinstance(field, CornerField):
         return {key: field}
-    arrays = {
-        key: field.x,
-        f"{key}_sign": _rounded_integers(field.sign),
-        f"{key}_shift": _rounded_integers(field.shift),
-    }
-    arrays[f"{key}_blank"] = field.blank
+    integers = {f"{key}_{name}": _rounded_integers(getattr(field, name)) for name in ("sign", "shift")}
+    arrays: Arrays = {key: field.x, **integers, f"{key}_blank": field.blank}
     return arrays if field.wanted is None else {**arrays, f"{key}_wanted": field.wanted}
 
 
@@ -58,7 +53,7 @@ def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divid
 
 
 def field_from(key: str, divided: DividedSurface | None, arrays: Mapping[str, NDArray[Any]]) -> Field:
-    """Return the field from the array `key`: values (n,) or (n, 2) at vertices, or at vertices of parts of faces."""
+    """Return the field of the array `key`: values (n,) or (n, 2) at vertices, or at vertices of divided faces."""
     if f"{key}_sign" not in arrays:
         x = arrays[key]
         return DividedField(divided, x) if divided and len(x) == divided.surface.n else x
@@ -86,7 +81,8 @@ def even_stripes_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> E
     """Return the evenly spaced stripes from arrays such as even_slope (n, 2); None without such arrays."""
     if "even_slope" not in arrays:
         return None
-    major_phase, minor_phase = (_phase(arrays, k) for k in (0, 1))
+    names = ("value", "sign", "shift", "singular")
+    major_phase, minor_phase = (CornerPhase(*(arrays[f"even_{k}_{name}"] for name in names)) for k in (0, 1))
     major, minor = (tuple(arrays[f"even_{k}_wanted"]) for k in (0, 1))
     part = {name: arrays[f"even_chart_{name}"] for name in ("V", "F", "parent", "z", "scale")}
     divided = Surface(part["V"], part["F"])
@@ -104,22 +100,15 @@ def _rounded_integers(array: Floats) -> NDArray[Any]:
     return np.rint(array).astype(np.int64)
 
 
-def _phase(arrays: Mapping[str, NDArray[Any]], k: int) -> CornerPhase:
-    value, sign, shift, singular = (arrays[f"even_{k}_{name}"] for name in ("value", "sign", "shift", "singular"))
-    return CornerPhase(value, sign, shift, singular)
-
-
 NAME = "design.npz"
 LAYOUT = 2  # Version of the archive; dsfab does not read other versions.
-MADE_BY = tuple(stage for stage in STAGES if stage != "export")
-"""Sections of a preset that determine a design; `export` only determines the files."""
+MADE_BY = tuple(stage for stage in STAGES if stage != "export")  # Sections of a preset that determine a design.
 MESH = "surface.ply"  # File for a mesh from Python, metres, without rounding.
-
 _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """Return the preset for a folder: meshes in the folder have no path, and the preset contains curves of drawings.
+    """Return the preset for a folder: mesh files in the folder have no path, and curves replace references to drawings.
     folder : receives a mesh that is not in a file.    home : the final path of this folder.
     Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
@@ -136,7 +125,7 @@ def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
 
 
 def write_archive(design: Design, folder: Path, preset: Preset | None = None) -> Path:
-    """Write the archive of a design into a folder; return its path. preset : by default the design's own."""
+    """Write the archive of a design into a folder; return its path. preset : default: that of the design."""
     pattern, sheet, solid, values = design.pattern, design.sheet, design.solid, design_fields(design)
     about = {
         "layout": LAYOUT,
@@ -188,7 +177,7 @@ def read_archive(folder: Path, preset: Preset) -> Design | None:
 
 
 def sections(preset: Preset) -> dict[str, Any]:
-    """Return the sections that determine a design, as JSON; values of a material replace its name."""
+    """Return the sections that determine a design, as JSON, with the values of a material in place of its name."""
     values: dict[str, Any] = json.loads(preset.model_dump_json(include=set(MADE_BY), exclude={"statics": {"material"}}))
     return values
 

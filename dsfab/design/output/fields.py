@@ -17,16 +17,16 @@ from dsfab.surface.fields import CornerField
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
     """Return the edges of the sheet by family, then the centre lines of its members, in metres on the middle surface.
-    tolerance : largest distance (m) of omitted points from the simplified lines; lengths are those of the full lines.
+    tolerance : largest distance (m) from omitted points to the simplified lines; lengths are those of the full lines.
     A family without stripes, or with stripes that touch everywhere, has no centre lines."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
     lines = edge_lines(sheet, surface, pattern.names, phases)
-    half_widths = dict(zip(pattern.names, pattern.half_widths, strict=True))  # equal for all fields of a family
+    half_widths = dict(zip(pattern.names, pattern.half_widths, strict=True))
     for k, name in enumerate(pattern.names):
         z, d = phases[k], half_widths[name]
         if z is None or pattern.names.index(name) < k or not ((d > 0).any() and (d < 0.5).any()):
-            continue  # stripes with half-widths of half a period touch, so that the family has no members
+            continue  # stripes touch if their half-widths are half a period
         if isinstance(z, CornerLines):
             assert pattern.even is not None
             lines += chart_lines(sheet, surface, pattern.names, name, pattern.even.chart, d)
@@ -36,8 +36,8 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
 
 
 def stripe_phase(design: Design, k: int) -> Phase:
-    """Return the phase of field k, with integers on the centre lines of its stripes; None for a field without stripes.
-    The phase has values (n,) at vertices; it is given at corners of faces if a vertex has no single value."""
+    """Return the phase of field k, which is an integer on centre lines; None for a field without stripes.
+    The phase is given at the vertices (n,), or at the corners of faces if vertices have several values."""
     pattern = design.pattern
     field = pattern.fields[k]
     if pattern.names[k] not in STRIPES:
@@ -54,12 +54,12 @@ def stripe_phase(design: Design, k: int) -> Phase:
 def design_fields(design: Design) -> dict[str, Floats]:
     """Return fields by name, at the vertices (n, ...) or in the faces (m, ...).
 
-    Vertices: displacement of every load case, forces, supports, modes, and for each family the phase z (centre lines at
-    its integers), the half-width d and the wave of z. Faces: stress in xyz, and from the diffusion tensors its
-    principal values times gamma and the isotropic faces.
+    Vertices: displacement of every load case, forces, supports and modes; for each family the phase z (an integer on
+    centre lines), the half-width d and the wave of z. Faces: stress in xyz, principal values of the diffusion tensors
+    times gamma, and the isotropic faces.
 
-    Evenly spaced stripes have no phase at vertices. Their fields are the distance from the nearest centre line and the
-    density of the drawn lines; d and the wave refer to these lines."""
+    Evenly spaced stripes have no phase at vertices, but the distance from the nearest centre line and the density of
+    lines; d and the wave refer to these lines."""
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
         "force [N]": design.load.force,
@@ -92,7 +92,7 @@ def design_fields(design: Design) -> dict[str, Floats]:
 
 
 def _distances(design: Design) -> dict[str, Floats]:
-    """Return the distance (n,), m, of vertices from supports and loads ("keep") and from the boundary ("rim")."""
+    """Return the distance (n,), m, of each vertex from supports and loads ("keep") and from the boundary ("rim")."""
     options, surface = design.preset.pattern, design.surface
     distances = {}
     if options.keep and "keep" in design.pattern.names:
@@ -103,13 +103,13 @@ def _distances(design: Design) -> dict[str, Floats]:
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
-    """Return fields at vertices; if a phase differs between the openings around a vertex, the nearest line counts."""
+    """Return fields at vertices; at a vertex with several phases, the nearest line counts."""
     name, chart, density = STRIPES[family], even.chart, even.density[:, family]
     weights = chart.weights.tocoo()
     row, vertex = (index.astype(np.int64) for index in weights.coords)
     on_vertex = (weights.data >= ON_SIMPLEX) & (chart.scale[row, family] > 0)
     z = chart.z[row[on_vertex], family]
-    distance = np.full(len(density), 0.5)  # this value stays where no line has a phase
+    distance = np.full(len(density), 0.5)  # for vertices without a line
     np.minimum.at(distance, vertex[on_vertex], np.abs(z - np.rint(z)))
     return {
         f"{name} middle [m]": distance / density,

@@ -1,4 +1,4 @@
-"""Output of one file of a design in the format of its suffix: the solid, the sheet with lines, or fields."""
+"""Output of one file of a design in the format of the file's suffix."""
 
 import tempfile
 from collections.abc import Callable
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 class OpenedSurface(NamedTuple):
     """A one-sided surface, such as a Moebius strip, after a cut along a seam.
-    given   : the surface before the cut, with n vertices and m faces, some of them turned over: `turned` (m,).
+    given   : the surface before the cut, with n vertices and m faces.    turned : (m,) True for faces turned over.
     surface : the cut surface, with more vertices (n') and the same faces in the same order.
     twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam."""
 
@@ -46,13 +46,13 @@ class OpenedSurface(NamedTuple):
     twins: Ints
 
     def offsets(self, corners: Floats) -> Floats:
-        """Return half-thickness vectors (n', 3) of the cut surface, from vectors (m, 3, 3) at corners of faces."""
+        """Return half-thickness vectors (n', 3) of the cut surface, from the vectors (m, 3, 3) at corners of faces."""
         vectors = np.zeros((self.surface.n, 3))
         vectors[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet cut along the seam, cells in the same order, and pairs of half-edges (k, 2) of the seam."""
+        """Return a sheet, cut along the seam, with its cells in order; and pairs (k, 2) of half-edges of the seam."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -95,9 +95,9 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
-    """Return faces (m,) to turn over for the shortest seam; None if the cut does not give one two-sided piece.
-    The seam runs from boundary to boundary, and crosses a loop that changes sides an odd number of times.
-    counts : (m,) cost of a metre of the seam beside each face."""
+    """Return faces (m,) to turn over for the shortest seam; None if this does not give one two-sided piece.
+    The seam runs from boundary to boundary. It crosses a loop that changes sides an odd number of times.
+    counts : (m,) cost of a metre of seam beside each face."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -145,7 +145,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) to turn over for a smooth seam: at most half of each face's outline is on the seam."""
+    """Return faces (m,) to turn over for a smooth seam, which contains at most half of each face's outline."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -178,9 +178,9 @@ def _seam(surface: Surface) -> Bools:
 
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
     """Write one file in the format of the suffix of `path`, and read it back as a check; return the path.
-    A design gives the same bytes as `dsfab build` and `dsfab export`: the solid with its edges and facts, the lines of
-    the sheet, or the fields of the uncut surface, as far as the format allows. For a solid, a sheet or a surface the
-    file has only its mesh. `options` are those of `dsfab.export.write`, and replace those of the preset.
+    The file of a design has the same bytes as the file of `dsfab build` or `dsfab export`. It contains the solid with
+    edges and facts, the lines of the sheet, or the fields of the uncut surface, as the format allows. The file of a
+    solid, a sheet or a surface contains only its mesh. `options` of `dsfab.export.write` replace those of the preset.
     Raises ExportError as `dsfab.export.write`."""
     if not isinstance(item, Design):
         return written(item.surface if isinstance(item, Sheet) else item, path, **options)
@@ -192,7 +192,7 @@ def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: A
 
 
 def to_build123d(thing: Design | Solid) -> "build123d.Shape":
-    """Return the shape for build123d, millimetres; a design gives the shape of `design.write("x.step")`.
+    """Return the shape for build123d, millimetres; for a design, the shape of `design.write("x.step")`.
     Raises ExportError as `write`."""
     import build123d
 
@@ -201,9 +201,9 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 
 
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
-    """Return the part to write, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
-    The part is the solid for formats of meshes, and for formats with both solid and lines. It is the sheet for formats
-    of lines, members, bodies, section forces and beams. It is the uncut surface for formats of fields."""
+    """Return the part to write, and the keywords for `dsfab.export.write`. suffix : of `FORMATS`, with its dot.
+    The part is the solid for formats of meshes, and for formats with solid and lines. It is the uncut surface for
+    formats of fields, and the sheet for all other formats."""
     options, form = design.preset.export, FORMATS[suffix]
     if isinstance(form, MemberFormat):
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
@@ -218,13 +218,13 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         values = design_fields(design) if design.fields is None else design.fields
         return design.surface, {"details": Details(values=values)}
     tolerance = options.step_tolerance or OUTLINE * design.preset.statics.thickness
-    lines = design_lines(design, 0.0 if form.curves else tolerance)  # the fit of curves uses the tolerance later
+    lines = design_lines(design, 0.0 if form.curves else tolerance)  # curves are fitted with the tolerance later
     details = Details(lines, tolerance, facts=_facts(design))
     return (design.solid if form.content == "solid and lines" else design.sheet.surface), {"details": details}
 
 
 def body_details(design: Design) -> Details:
-    """Return members as bodies, with their measures and material."""
+    """Return the members as bodies, with their measures and material."""
     return Details(
         tolerance=design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness,
         measures=_measures(design),
@@ -235,13 +235,12 @@ def body_details(design: Design) -> Details:
     )
 
 
-PLATES = ("disc", "plate", "fill")  # Kinds of members that are not long and narrow.
+PLATES = ("disc", "plate", "fill")  # Kinds of members that are not bars.
 
 
 def member_shapes(design: Design) -> tuple[MemberShape, ...]:
     """Return bodies of the members, metres, in the order of their names.
-    Members overlap at crossings, so that the volume of all bodies exceeds that of the solid; the areas of members
-    (see `dsfab.export.members`) count each area once."""
+    Bodies overlap at crossings, so the sum of their volumes exceeds the volume of the solid."""
     sheet, options = design.members.sheet, design.preset.thickening
     offset = offsets(design.surface, design.preset.statics.thickness, options.side)
     D = sheet.carry_corners(offset.at_corners(design.surface.F), design.surface.F)
@@ -258,8 +257,8 @@ def _shape(surface: Surface, D: Floats, member: Member, shift: int) -> MemberSha
 
 
 def frame_details(design: Design) -> Details:
-    """Return the beam model with sentences that compare it with the sheet.
-    Raises StaticsError if no member has an axis, or if the sheet lost a load."""
+    """Return the beam model, with sentences that compare it with the sheet.
+    Raises StaticsError if no member has an axis, or if a load has no support."""
     facts = tuple(agreement.summary for agreement in design.frame_agreement())
     return Details(frame=design.frame, description=design.preset.description, facts=facts)
 
@@ -272,7 +271,7 @@ _MEMBER_DETAILS: dict[MemberContent, Callable[[Design], Details]] = {
     "utilisation": lambda design: Details(utilisation=design.member_utilisation),
     "frame": frame_details,
 }
-"""Functions from a design to the content of formats of members."""
+"""Functions from a design to the content of a file of members."""
 
 
 def step_options(options: Export) -> StepOptions:
@@ -302,7 +301,7 @@ def _facts(design: Design) -> tuple[str, ...]:
 
 
 def curved_design(design: Design) -> Curved:
-    """Return the smooth sheet of a design. Raises ExportError if the solid has parts beside the thickened sheet."""
+    """Return the smooth sheet of a design. Raises ExportError if the solid has further parts."""
     options = design.preset.thickening
     if options.extra:
         raise ExportError("thickening.extra adds parts to the solid beside the sheet; remove it for a smooth sheet")
@@ -313,15 +312,15 @@ def curved_design(design: Design) -> Curved:
 
 
 def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedSheet:
-    """Return the stripes of a sheet that was cut from `surface` along a pattern, see `StripedSheet`."""
+    """Return the stripes of a sheet that was cut from `surface` along a pattern."""
     cells, opening = cells_by_stripes(surface, sheet, pattern), opened_surface(surface, sheet)
     sheet_cells, seam = opening.sheet(cells.sheet) if opening else (cells.sheet, NO_PAIRS)
     return StripedSheet(sheet_cells.surface.F, sheet_cells.weights, cells.label, cells.loose, seam)
 
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
-    """Return a sheet and the surface that it was cut from; a one-sided surface is cut along a seam.
-    thickness : metres, a number or one at each vertex (n,)."""
+    """Return a sheet and the surface from which it was cut; a one-sided surface is cut along a seam.
+    thickness : metres, a number or a value for each vertex (n,)."""
     offset, opening, twins = offsets(surface, thickness, side), opened_surface(surface, sheet), NO_PAIRS
     D = offset.D
     if opening:
@@ -332,7 +331,7 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
 
 
 def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
-    """Return the sheet, cut along the upper envelope of fields (n, c) on the uncut surface; snap : see `cut`."""
+    """Return the sheet, divided by the largest of the fields (n, c) on the uncut surface. snap : see `cut`."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
     if count > 1:
@@ -350,8 +349,8 @@ def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) ->
 
 def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
     """Return charts (m,): a face whose chart is largest at no corner gets the chart that is largest at its centre.
-    Where three borders meet, one border may cut off a part that belongs to neither of the remaining charts. Without
-    this correction that part would get the last chart, which may be far away."""
+    Where three borders meet, a border may cut off a part that belongs to neither of the remaining charts. Without this
+    correction such a part would get the last chart."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

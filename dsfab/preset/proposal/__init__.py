@@ -1,9 +1,9 @@
-"""Propose a preset for the user's own surface, with one line of explanation for each decision.
+"""Propose a preset for the user's own surface, with a line of explanation for each decision.
 
-shape      a coarse copy: edges, corners, sides, necks, hollows     readings   the ways in which it may be held
-judgement  their statics, and the choice of unit, axis, supports    reading    reads the mesh, mends small faults
-loads      loads by kind of surface, and the user's wishes          sizes      spacing, thickness, edges, widths
-marks      marks on layers of the user's file                       text       text of the preset with comments
+shape      coarse copy: edges, corners, sides, hollows        readings   ways in which the surface may be supported
+judgement  scores of readings; unit, vertical axis, supports  reading    reads the mesh and repairs small faults
+loads      loads by kind of surface, or by the user's choice  sizes      spacing, thickness, edge length, widths
+marks      marks on layers of the user's file                 text       text of the preset with comments
 decisions  the whole proposal"""
 
 from dsfab.preset.proposal.decisions import OWN, Proposal, preset_for, propose

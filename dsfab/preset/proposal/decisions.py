@@ -1,4 +1,4 @@
-"""Decisions about a mesh: the `Proposal`, which contains a preset for `dsfab build`."""
+"""The decisions of a proposal, and `Proposal`, which contains a preset for `dsfab build`."""
 
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -24,14 +24,14 @@ from dsfab.preset.proposal.sizes import MODEL, Sizes, shorter_side, sizes
 from dsfab.preset.proposal.text import SHARE, ProposedValues, place_words, proposal_text
 from dsfab.surface import RawMesh, Surface
 
-OWN = "roof"  # Shipped preset for the user's own surface; with `--mesh`, a proposal for that mesh replaces it.
-LISTED = 4  # Largest number of supports that are listed by name.
+OWN = "roof"  # Shipped preset for the user's own surface; with `--mesh`, dsfab proposes a preset in its place.
+LISTED = 4  # Largest number of supports that a decision lists by name.
 NO_WISHES = MeshWishes()  # dsfab chooses supports and loads.
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A preset for a mesh, as text with comments, and the decisions behind it."""
+    """A preset for a mesh, as text with comments, and the decisions that explain it."""
 
     given: UserMesh
     plan: ProposedValues
@@ -44,22 +44,22 @@ class Proposal:
 
     @cached_property
     def questions(self) -> tuple[str, ...]:
-        """Doubts that only the user can settle, each with the option that does it, the most urgent first."""
+        """Doubts that only the user can settle, the most urgent first; each names the option that settles it."""
         return tuple(_questions(self))
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """One line for each decision: topic, choice, and the key that changes it."""
+        """A line for each decision: topic, choice, and the key that changes the choice."""
         return _decision_lines(self.decisions)
 
     @property
     def main_lines(self) -> tuple[str, ...]:
-        """The lines of decisions that a user should check: all but those on the mesh, the pattern and the files."""
+        """Lines of the decisions that a user should check: all except mesh, pattern, widths and files."""
         routine = ("mesh", "pattern", "widths", "files")
         return _decision_lines([decision for decision in self.decisions if decision.topic not in routine])
 
     def text(self, file: Path | None = None) -> str:
-        """Return the preset as TOML; the text names no file for a mesh from Python.
+        """Return the preset as TOML; without a file name for a mesh from Python.
         file : path of the mesh relative to the preset's folder; default: the user's path."""
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {decision.topic: decision.choice for decision in self.decisions}
@@ -90,14 +90,14 @@ def preset_for(
     material: str | None = None,
     wishes: MeshWishes = NO_WISHES,
 ) -> Preset:
-    """Return a preset for the user's own surface: that of `dsfab new`, with a first guess of the thickness.
+    """Return the preset of `dsfab new` for the user's own surface, with a first guess of the thickness.
     mesh     : the path of a mesh file, a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces (m, 3).
     unit     : unit of the mesh: mm, cm, m ...; by default guessed for files without a unit, else metres.
-    up       : axis of the mesh that points to the sky: x, y, z, -x, -y, -z; by default dsfab guesses this axis.
+    up       : axis of the mesh that points upwards: x, y, z, -x, -y, -z; by default dsfab guesses this axis.
     material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
-    wishes   : what holds the surface, and its loads, if dsfab should not choose them.
-    Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material, for a surface that nothing
-    plausible holds, and for wishes that it cannot fulfil."""
+    wishes   : supports and loads that the user wants.
+    Raises SurfaceError for an invalid mesh or axis, and PresetError for an unknown material, for a surface without a
+    plausible support, and for wishes that dsfab cannot fulfil."""
     proposal = propose(mesh, unit, up, material, wishes=wishes)
     return proposal.preset.with_thickness(proposal.plan.size.thickness)
 
@@ -112,7 +112,7 @@ def propose(
     wishes: MeshWishes = NO_WISHES,
 ) -> Proposal:
     """Return the proposal with its text and decisions; see `preset_for`.
-    max_triangles : limit for a mesh file, which also limits the time of reading it.
+    max_triangles : limit for a mesh file, which also limits the reading time.
     raw           : content of the file, if the caller has read it."""
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
@@ -142,13 +142,10 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     yield _stands(proposal)
     yield from mark_decisions(plan.marks)
     yield from _unsupported_pieces(surface, plan.stands)
-    model = (
-        "; a printed model has no snow" if not plan.loads and surface.size < MODEL and not is_figure(surface) else ""
-    )
-    yield Decision(
-        "carries", load_words(surface, plan.loads) + model, "surface.load, or --load snow, wind, people, none"
-    )
     figure = is_figure(surface)
+    model = "; a printed model has no snow" if not plan.loads and surface.size < MODEL and not figure else ""
+    loads = load_words(surface, plan.loads) + model
+    yield Decision("carries", loads, "surface.load, or --load snow, wind, people, none")
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
     material = f"{size.material}, of a thickness that sizing chooses; first guess {length(size.thickness)}{over}"
     yield Decision("made of", material, "statics.material, statics.thickness")

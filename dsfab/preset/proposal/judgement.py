@@ -1,12 +1,12 @@
-"""The statics that judge readings, and the choice of unit, vertical axis and supports with its doubts.
+"""Scores of readings by shape and statics, and the choice of unit, vertical axis and supports.
 
-The shape chooses, the statics have a veto. Score of a reading = form x carries x steady x free:
+Score of a reading = form x carries x steady x free. Pieces without a support and unusual axes lower the score, too.
 
-form    : how far the shape says that it is supported there (see `readings`).
-carries : 1 / (1 + u^2), where u is the larger of movement over `LIMIT` times the span and stress over strength. A
-          coarse sheet of a usual depth carries its weight and the usual load of its kind.
-steady  : the middle of the sheet is over what it stands on, and nothing pulls on the ground.
-free    : of readings that carry, the one that holds least of the edge is meant."""
+form    : 0 to 1, from the shape alone (see `readings`).
+carries : 1 / (1 + u^2). u is the larger of movement over `LIMIT` times the span, and stress over strength. The sheet
+          has the usual depth of its kind, and carries its weight and the usual load.
+steady  : 1 if the centre of mass is well inside the supports; less if the sheet tips, or pulls at a support.
+free    : 1 without supported edges, 1 - `EDGE` if all edges are supported: few supports are more probable."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -36,20 +36,19 @@ DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
 LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}
 """Usual load by kind, Pa: snow, services, people, wind."""
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: 24 MPa x 0.8 / 1.25.
-LIMIT = 1 / 300  # Largest usual movement, as a share of the span.
-EDGE = 0.5  # Part of the score that a reading loses if it holds all of the edge.
-UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}
-"""Share of models in a unit; programs that model in inches mostly write the unit into the file."""
-BUILDING, SPREAD = 18.0, 1.1  # Buildings are about 18 m long, within a factor of 3 (e^1.1) two times out of three.
-LEAST, DOUBT = 0.02, 0.25  # Score below which a reading is not plausible, and score below which it is doubtful.
-CLOSE = 0.75  # A runner-up with this share of the best score is a question, and so is a unit that is `OPEN` likely.
-OPEN = 0.13
-UNDER = 0.7  # Factor on a vertical axis with which a surface would lie under the ground.
+LIMIT = 1 / 300  # Largest usual movement, divided by the span.
+EDGE = 0.5  # Share of its score that a reading loses if it supports all edges.
+UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of files without a unit that use the unit.
+BUILDING, SPREAD = 18.0, 1.1  # Usual length of a building, metres, and standard deviation of its logarithm.
+LEAST, DOUBT = 0.02, 0.25  # Readings with a score below `LEAST` are not plausible, those below `DOUBT` are doubtful.
+CLOSE = 0.75  # dsfab asks the user about a reading with more than this share of the best score.
+OPEN = 0.13  # dsfab asks the user about the second unit if its probability exceeds this value.
+UNDER = 0.7  # Factor on the scores for a vertical axis along which the surface would reach below the ground.
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedReading:
-    """A reading with its score, and the figures behind it."""
+    """A reading with its score, and the figures that give the score."""
 
     reading: SupportReading
     score: float
@@ -59,16 +58,16 @@ class JudgedReading:
 
     @property
     def tips(self) -> bool:
-        """True if the middle of the sheet is so far beside its supports that they must hold it down."""
+        """True if the centre of mass lies outside the supports, so that they must hold the sheet down."""
         return not self.built_in and self.figures.get("steady", 1.0) < 0.5
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return a reading of a shape with its score; `usual`: factor for the axis. A sheet that can move scores 0."""
+    """Return a reading with its score; 0 for a sheet that can move without resistance. usual : factor for the axis."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
-    free = _unheld(surface, supported)
+    free = ~np.isin(surface.vertex_pieces, surface.vertex_pieces[supported])
     is_line = len(reading.places) == 1 and bool(
         np.linalg.norm(np.ptp(surface.V[supported], axis=0)) > 0.5 * shape.width
     )
@@ -85,7 +84,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
         return JudgedReading(reading, 0.0, up)
     span = 2 * float(np.max(cKDTree(surface.V[supported]).query(surface.V)[0]))
     if reading.kind in ("roof", "hung"):
-        span = min(span, 2 * shape.width)  # a long span is no excuse for a large movement
+        span = min(span, 2 * shape.width)  # a long span does not excuse a large movement
     moved = float(np.quantile(lengths(answer.u), 0.99))
     stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
     used = max(moved / (LIMIT * span), stress / STRENGTH)
@@ -100,8 +99,8 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
 
 
 def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
-    """Return 1 for a sheet whose middle is well over its supports, less for one that tips, pulls or swings.
-    upward  : reaction at each place, newtons.    is_line : true for one long place, which can be built in."""
+    """Return 1 if the centre of mass is well inside the supports; less if the sheet tips, pulls at a support or swings.
+    upward  : reaction at each place, newtons.    is_line : true for one long place, which can be clamped."""
     if reading.kind in ("wall", "floor"):
         return 1.0
     if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
@@ -111,12 +110,6 @@ def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward:
     return max(steady, 0.5) if is_line else steady
 
 
-def _unheld(surface: Surface, supported: Bools) -> Bools:
-    """Return the vertices (n,) of the pieces without any supported vertex."""
-    piece = surface.vertex_pieces
-    return np.asarray(~np.isin(piece, piece[supported]))
-
-
 def _depth(shape: Shape, kind: str) -> float:
     long = shape.sides[1].length if shape.ratio > STRIP else shape.width
     size = {"floor": long, "wall": min(shape.rise, shape.width, 0.4 * DEEP["wall"])}.get(kind, shape.width)
@@ -124,7 +117,7 @@ def _depth(shape: Shape, kind: str) -> float:
 
 
 def _forces(shape: Shape, kind: str, thick: float) -> Floats:
-    """Return the forces (n, 3) of the weight and of the usual load of a kind, newtons."""
+    """Return the forces (n, 3), newtons, of the weight and of the usual load of a kind."""
     surface = shape.surface
     down = np.array([0.0, 0.0, -1.0])
     pressure = surface.normals if kind == "wall" else np.abs(surface.normals[:, 2:]) * down
@@ -135,7 +128,7 @@ def _forces(shape: Shape, kind: str, thick: float) -> Floats:
 
 
 def _upward(reading: SupportReading, surface: Surface, rows: Bools, reaction: Floats) -> Floats:
-    """Return the upward reaction at each place, newtons; a reaction belongs to the nearest place."""
+    """Return the upward reaction at each place, newtons; each supported vertex counts for the nearest place."""
     points = np.concatenate([place.points for place in reading.places])
     owner = np.repeat(np.arange(len(reading.places)), [len(place.points) for place in reading.places])
     nearest = owner[cKDTree(points).query(surface.V[rows])[1]]
@@ -143,8 +136,7 @@ def _upward(reading: SupportReading, surface: Surface, rows: Bools, reaction: Fl
 
 
 def _inside(shape: Shape, supported: Bools) -> float:
-    """Return how far the middle of the sheet is within the outline of the supported vertices in plan, metres; negative
-    beside it."""
+    """Return the distance in plan (m) from the centre of mass to the outline of the supports; negative outside."""
     P, middle = shape.surface.V[supported, :2], shape.middle[:2]
     depth = depth_within(P, middle)
     if depth is not None:
@@ -154,13 +146,13 @@ def _inside(shape: Shape, supported: Bools) -> float:
 
 
 def usual_unit(unit: str, size: float) -> float:
-    """Return how usual a unit is for a building with a longest side in that unit."""
+    """Return how usual a unit is, for a surface whose longest side is `size` in this unit."""
     return UNITS[unit] * float(np.exp(-0.5 * (np.log(metres_per(unit) * size / BUILDING) / SPREAD) ** 2))
 
 
 def likely_units(shape: Shape) -> list[tuple[str, float]]:
-    """Return (unit, probability), the likeliest first, for a shape in the numbers of its file.
-    Buildings have usual sizes, and people can stand below what comes down to the ground."""
+    """Return (unit, probability), the most probable first, for a shape in the numbers of its file.
+    Buildings have usual sizes. A shape that comes down to the ground must be high enough for people."""
     V = shape.surface.V
     size, plan = float(np.ptp(V, axis=0).max()), V[:, :2] - V[:, :2].mean(axis=0)
     narrow = np.ptp(plan @ np.linalg.svd(plan, full_matrices=False)[2].T, axis=0).min()
@@ -176,7 +168,7 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
 @dataclass(frozen=True, eq=False)
 class SupportChoice:
     """The judged readings of a surface, the best first.
-    unit, units : its unit, and how likely each unit is; empty if the unit is known."""
+    unit, units : unit of the surface, and the probability of each unit; `units` is empty if the unit is known."""
 
     ranking: tuple[JudgedReading, ...]
     unit: str
@@ -187,7 +179,7 @@ class SupportChoice:
         return self.ranking[0]
 
     def require_plausible(self) -> None:
-        """Raise PresetError if no reading is plausible, with what was tried."""
+        """Raise PresetError if no reading is plausible; the message lists the four best readings."""
         if self.best.score < LEAST:
             tried = "; ".join(
                 f"{candidate.reading.word} ({candidate.up} up): {_flaw(candidate)}" for candidate in self.ranking[:4]
@@ -199,33 +191,28 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """Readings that are close to the best one, at most two; of another axis only the best."""
-        rivals = [candidate for candidate in self.ranking[1:] if candidate.score > CLOSE * self.best.score]
-        best_on = {candidate.up: candidate for candidate in reversed(rivals)}
-        return [
-            candidate for candidate in rivals if candidate.up == self.best.up or candidate is best_on[candidate.up]
-        ][:2]
+        """At most two readings with nearly the best score; of each other vertical axis only the best reading."""
+        rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
+        best_on = {rival.up: rival for rival in reversed(rivals)}
+        return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]
 
     @property
     def runners_up(self) -> list[JudgedReading]:
-        """The next best readings with the same axis, at most three."""
-        on_axis = [
-            candidate for candidate in self.ranking[1:] if candidate.up == self.best.up and candidate.score > LEAST
-        ]
-        return on_axis[:3]
+        """At most three plausible readings with the same vertical axis as the best reading."""
+        return [rival for rival in self.ranking[1:] if rival.up == self.best.up and rival.score > LEAST][:3]
 
     @property
     def rival_unit(self) -> str:
-        """A unit that is likely, too; else empty."""
+        """The second most probable unit if it is probable enough for a question; else ''."""
         return self.units[1][0] if self.units and self.units[1][1] > OPEN else ""
 
 
 def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> SupportChoice:
-    """Return the choice for a surface with edges.
+    """Return the choice of supports, unit and vertical axis for a surface with edges.
 
-    surface : in metres, or in the numbers of its file if the unit is open.
-    axes    : possible vertical axes, each with a factor on its scores.
-    unit    : "" if it is open.    stand : word of a reading, or a height in metres; "" for the best reading.
+    surface : in metres, or in the numbers of its file if the unit is unknown.
+    axes    : possible vertical axes, each with a factor on the scores of its readings.
+    unit    : "" if unknown.    stand : word of a reading, or a height in metres; "" for the best reading.
     Raises PresetError if no reading has the word."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
     size = float(np.ptp(coarse.V, axis=0).max())
@@ -238,7 +225,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
             shapes[up] = Shape(Surface(shapes[up].surface.V * metres_per(units[up][0][0]), coarse.F))
         z = shapes[up].surface.V[:, 2]
         factor *= UNDER if z.min() < -0.2 * np.ptp(z) else 1.0
-        factor *= usual[up] / max(usual.values())  # an axis that needs a rare unit is less likely
+        factor *= usual[up] / max(usual.values())  # an axis that requires a rare unit is less probable
         candidates += [(factor, up, reading) for reading in _readings(shapes[up], stand)]
     if not candidates:
         raise PresetError(_no_word(stand, [reading for shape in shapes.values() for reading in readings(shape)]))
@@ -248,8 +235,8 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
-    """Return judged readings, the best first. Statics only lower a score: a reading of another axis that can be no
-    rival of the best one, and one below the best and three others of its axis, is not judged."""
+    """Return judged readings, the best first. Statics can only lower the score that the form gives, so readings
+    with a low form are not judged: those that cannot be rivals, or cannot be among the best four."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form

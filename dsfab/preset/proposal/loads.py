@@ -1,4 +1,4 @@
-"""Loads of a proposal by the kind of surface: snow, people, services and wind, each a placeholder for a local code."""
+"""Loads of a proposal by the kind of surface. All values are placeholders for those of a local code."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -20,15 +20,14 @@ LINE_OF_COMMENT = {
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
 PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Placeholders, Pa.
-AROUND = 0.3
-"""A wall whose normals add up to less than this share of its area goes around, as a tower; else it stands free."""
+AROUND = 0.3  # A wall is a tower if its horizontal area vectors add up to less than this share of its area.
 
 
 @dataclass(frozen=True)
 class MeshWishes:
-    """The user's own choices for a surface, in place of dsfab's.
-    stand    : word of a reading (feet, loops, edge ...), or a height in metres: the edge up to it is held; "" for none.
-    built_in : true if the supports do not let the sheet turn.
+    """The user's choices for a surface, in place of dsfab's own choices.
+    stand    : word of a reading (feet, loops, edge ...), or a height (m) below which the edge is supported; or "".
+    built_in : true if the supports are clamped.
     loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2"."""
 
     stand: str = ""
@@ -36,8 +35,8 @@ class MeshWishes:
     loads: tuple[str, ...] = ()
 
     def pressures(self, kind: str, is_model: bool) -> dict[str, float]:
-        """Return the loads of a surface with their pressures (Pa) by name, without its weight. A printed model has
-        none by default. Raises PresetError for an unknown load, and for a value that is no positive number."""
+        """Return the pressures (Pa) of the loads by name, without the weight. A printed model has no loads by default.
+        Raises PresetError for an unknown load, and for a value that is not a positive number."""
         if not self.loads:
             usual = None if is_model else USUAL_LOAD.get(kind)
             return {usual: PRESSURE[usual]} if usual else {}
@@ -82,7 +81,7 @@ def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
 
 
 def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[list[str]]:
-    """Yield the tables of the loads as lines of a preset. Wind from each side is a case of its own, with the weight."""
+    """Yield the lines of each table of loads in a preset. Wind from each of two sides is a case with the weight."""
     cases = ["wind", "wind_back"] if "wind" in pressures else []
     if len(pressures) > 1 or not cases:
         yield ["[[surface.load]]", 'kind = "self_weight"']
@@ -112,14 +111,13 @@ def _vertical(surface: Surface, name: str, pressure: float) -> Iterator[str]:
 
 
 def toml_line(key: str, value: object, note: str = "") -> str:
-    """Return a line of a preset with a comment."""
     line = f"{key} = {json.dumps(value, ensure_ascii=False)}"
     return f"{line:<26}  # {note}" if note else line
 
 
 def snow_picker(surface: Surface) -> str:
-    """Return the picker of the top of a surface that overlaps itself in plan, such as a ball; empty for a roof.
-    Normals may point in or out."""
+    """Return the picker of the top of a surface that overlaps itself in plan, such as a ball; '' for a roof.
+    The normals may point inwards or outwards."""
     upward = surface.normals[:, 2] * surface.areas
     if np.abs(upward).sum() < 1.2 * abs(upward.sum()) or one_sided_pieces(surface.F, surface.edges).any():
         return ""
@@ -128,7 +126,7 @@ def snow_picker(surface: Surface) -> str:
 
 
 def takes_snow(surface: Surface) -> bool:
-    """Return True for a surface whose top can be told: a roof, or a nearly closed building, but no porous object."""
+    """Return True for a roof, and for a building with a short free edge; False for porous and for closed objects."""
     edge = float(surface.edge_lengths[surface.edges.boundary].sum())
     upward = surface.normals[:, 2] * surface.areas
     is_simple = np.abs(upward).sum() < 1.2 * abs(upward.sum())
@@ -136,7 +134,7 @@ def takes_snow(surface: Surface) -> bool:
 
 
 def broadside(surface: Surface) -> Floats:
-    """Return the horizontal unit vector (3,) across which a surface shows the largest area."""
+    """Return the horizontal unit vector (3,) along which the surface shows its largest area."""
     n = surface.normals[:, :2]
     x, y = np.linalg.eigh((n * surface.areas[:, None]).T @ n)[1][:, -1]
     return np.array([x, y, 0.0]) * (1.0 if x + y > 0 else -1.0)

@@ -1,4 +1,4 @@
-"""Marks of the user in the file of the surface: points and curves on layers `support`, `load`, `keep` and `void`."""
+"""Marks in the user's surface file: points and curves on the layers `support`, `load`, `keep` and `void`."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,17 +11,16 @@ from dsfab.core.units import metres_per
 from dsfab.preset.proposal.reading import Decision, UserMesh
 from dsfab.preset.proposal.readings import SupportPlace
 from dsfab.preset.proposal.sizes import Sizes
-from dsfab.surface import MARK_LAYERS, Marks, marks_on_layers
+from dsfab.surface import MARK_LAYERS, Marks, marks_on_layers, polyline_length
 
 DRAWINGS = (".3dm", ".dxf")
-FORCE = 1000.0
-"""Placeholder for marks on the layer `load`: N at each point, N/m along each line and Pa inside each closed curve."""
+FORCE = 1000.0  # Placeholder on layer `load`: N at each point, N/m along each line, Pa inside each closed curve.
 TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 
 def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
-    """Return the marks on the four layers of the surface's file, by layer; {} for file formats without layers.
-    Raises SurfaceError for a file with marks whose z axis does not point to the sky."""
+    """Return the marks on the four layers, by layer; {} for file formats without layers.
+    Raises SurfaceError for a file with marks if its z axis does not point upwards."""
     path = Path(str(user_mesh.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
         return {}
@@ -37,8 +36,7 @@ def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
 
 def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
     """Yield tables of a preset for the marks, each as a list of lines.
-    file : path from the preset's folder, or "" for curves in the preset. edge : edge length of the triangles, metres.
-    """
+    file : path from the preset's folder, or "" to write curves into the preset. edge : mean edge of the mesh (m)."""
     radius = round(0.6 * edge, 3)
     for word, layer_marks in marks.items():
         head = TABLES.get(word, "[[pattern.region]]")
@@ -50,7 +48,7 @@ def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, e
             yield [head, *_kind_lines(word, layer_marks, FORCE * len(layer_marks.points)), f"at = {{ {dots} }}"]
         for line in lines if word != "void" else ():
             stroke = f'pick = "brush", points = {_points(_evenly_spaced(line, 1.5 * radius))}, radius = {radius}'
-            yield [head, *_kind_lines(word, layer_marks, FORCE * _length(line)), f"at = {{ {stroke} }}"]
+            yield [head, *_kind_lines(word, layer_marks, FORCE * polyline_length(line)), f"at = {{ {stroke} }}"]
         if areas and (word in TABLES or not file):
             for area in areas:
                 curve = f'pick = "curve", curves = [{_points(area[:-1])}]'
@@ -76,7 +74,7 @@ def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
 
 
 def drawn_feet(marks: Mapping[str, Marks]) -> tuple[SupportPlace, ...]:
-    """Return the supports that the file marks; empty without marks."""
+    """Return the marks on layer `support` as one place; empty without such marks."""
     if "support" not in marks:
         return ()
     layer_marks = marks["support"]
@@ -97,10 +95,6 @@ def _word(text: str) -> str:
 
 def _points(points: Floats) -> str:
     return str([[round(x, 3) + 0.0 for x in point] for point in points.tolist()])
-
-
-def _length(line: Floats) -> float:
-    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
 def _plan_area(curve: Floats) -> float:

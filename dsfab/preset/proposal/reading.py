@@ -1,4 +1,4 @@
-"""Read the user's mesh in metres with z up, with the decisions about its unit, vertical axis and repairs."""
+"""Reading of the user's mesh in metres with z up, and the decisions about its unit, vertical axis and repairs."""
 
 import re
 import unicodedata
@@ -35,10 +35,10 @@ from dsfab.surface import (
 )
 
 Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf")
-"""Suffixes of files whose format or program defines z as the vertical axis (for glTF, whose axes the reader turns)."""
+"""Suffixes of files whose format or program defines z as the vertical axis; the reader turns glTF files itself."""
 MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files that mostly have z up.
-Y_UP = 0.7  # Factor on the scores of a vertical axis y: z is up unless y is plainly better (Blender, web tools).
-GROUND = 1e-3  # Vertices nearer to the plane through the origin than this share of the surface's size touch the plane.
+Y_UP = 0.7  # Factor on the scores for the vertical axis y, which few programs use (Blender, web tools).
+GROUND = 1e-3  # Depth below the ground that counts as zero, divided by the surface's size.
 
 
 def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) -> dict[Up, float]:
@@ -46,7 +46,7 @@ def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) 
 
     suffix : suffix of the file, with the dot.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
-    -y is possible only for surfaces that reach below y = 0. A sculpture has the axis on which it stands best."""
+    The axis -y is possible only if the surface reaches below y = 0. A sculpture gets only its most stable axis."""
     y = Y_UP**2 if suffix.lower() in MOSTLY_Z else Y_UP
     if usual == "z" or suffix.lower() in Z_UP:
         return {"z": 1.0}
@@ -63,7 +63,7 @@ def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) 
 
 
 def _standing(V: Floats, surface: Surface) -> float:
-    """Return the stability of a sculpture, and the share of its free edge on which it stands. V : (n, 3) with z up."""
+    """Return the stability of a sculpture, plus the share of its free edge at its base. V : (n, 3) with z up."""
     edges = surface.edges
     low = (V[edges.ends, 2] <= V[:, 2].min() + 0.05 * np.ptp(V[:, 2])).all(axis=1)
     length = surface.edge_lengths * edges.boundary
@@ -71,8 +71,8 @@ def _standing(V: Floats, surface: Surface) -> float:
 
 
 def _stability(V: Floats, surface: Surface) -> float:
-    """Return the distance of the centre of mass from the edge of the base, divided by the root of the surface's area.
-    V : (n, 3) vertices with z up. The result is between -0.2 (the surface falls over) and 0.4."""
+    """Return the distance from the centre of mass to the edge of the base, divided by the root of the surface's area.
+    V : (n, 3) vertices with z up. The result is between -0.2 (the sculpture falls over) and 0.4."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     depth = depth_within(base_points, middle)
@@ -84,11 +84,10 @@ def _stability(V: Floats, surface: Surface) -> float:
 UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
 )
-SMALLEST, LARGEST = 0.02, 1000.0  # Limits of the longest side (m) of a surface; outside of them its unit is doubtful.
-USUAL = 2.0, 100.0
-"""Usual longest side (m). For a file of another size without a unit, dsfab lists the sizes in several units."""
-POSSIBLE = 0.2, 500.0  # Longest side (m) of the sizes in several units that `dsfab inspect` lists.
-UNLIKELY = 0.02  # Units that are less likely than this are not listed.
+SMALLEST, LARGEST = 0.02, 1000.0  # A surface with a longest side (m) outside of this range has a doubtful unit.
+USUAL = 2.0, 100.0  # Usual range of the longest side (m); for other files without a unit dsfab lists several sizes.
+POSSIBLE = 0.2, 500.0  # Range of the longest side (m) in the sizes that `dsfab inspect` lists.
+UNLIKELY = 0.02  # Units with a smaller probability are not listed.
 GUESSED = ("mm", "cm", "m", "in", "ft")  # Possible units of files without a unit.
 
 
@@ -107,8 +106,8 @@ class Decision:
 @dataclass(frozen=True, eq=False)
 class UserMesh:
     """The user's mesh as a surface (metres, z up), with its keys of [surface].
-    choice : its unit, axis and supports.    places : the supports in the coordinates of the surface.
-    repaired : texts about its repairs."""
+    choice : choice of unit, axis and supports.    places : the supports, in the coordinates of `surface`.
+    repaired : a sentence for each repair of the mesh."""
 
     surface: Surface
     name: str
@@ -129,7 +128,7 @@ def mesh_in_file(
 ) -> UserMesh:
     """Return the mesh in a file; by default dsfab chooses its unit and vertical axis.
     max_triangles : limit for the file.    raw : content of the file, if the caller has read it.
-    stand         : what holds it, see `choice`.
+    stand         : supports that the user wants, see `choice`.
     Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair."""
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES, unit)
     finite_faces(path, raw)
@@ -170,7 +169,7 @@ def mesh_in_file(
 
 
 def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFile) -> Iterator[Decision]:
-    """Yield what a file holds besides plain faces, and what was dropped, mended and repaired."""
+    """Yield the contents of a file besides plain faces, and what the reader dropped, mended and repaired."""
     if raw.record.surface_words:
         yield Decision("file", f"read: {raw.record.surface_words}")
     if raw.record.mark_words:
@@ -187,7 +186,7 @@ def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFi
 
 
 def _places(surface: Surface, chosen: SupportChoice, origin: Floats) -> tuple[SupportPlace, ...]:
-    """Return the chosen supports in the coordinates of the surface; those of a closed one are parts of its own mesh."""
+    """Return the chosen supports, moved by minus the origin; for a closed surface, parts of its own mesh."""
     reading = chosen.best.reading
     return soles(surface) if reading.word == "sole" else tuple(place.with_offset(origin) for place in reading.places)
 
@@ -233,15 +232,15 @@ def _with_z_up(surface: Surface, chosen: SupportChoice, option: Up | None) -> tu
 
 
 def _origin(surface: Surface) -> tuple[float, ...]:
-    """Return an origin in whole metres near the lowest corner of a surface; 0 for coordinates not far from 0."""
+    """Return an origin in whole metres near the lowest corner of a surface; 0 if the coordinates are small."""
     low = surface.V.min(axis=0)
-    # at a distance of 100 times the size, STL files round coordinates to 1/100 000 of the size (single precision)
+    # 100 sizes away from 0, STL files (single precision) round coordinates to 1/100 000 of the size
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
     return tuple(np.where(is_far, np.floor(low), 0.0).tolist())
 
 
 def size_doubt(sides: Sequence[float], unit: str) -> str:
-    """Return a doubt about the unit if the sides of the box (m) are unusual, else ''."""
+    """Return a doubt about the unit if the sides (m) of the bounding box are unusual, else ''."""
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
     doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than what is built; is that the file's unit?"
@@ -249,24 +248,21 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
 
 
 def _unit_words(surface: Surface, chosen: SupportChoice, declared: str | None, option: str | None) -> str:
-    """Return the decision on the unit: the size of the surface, and its size in other likely units."""
+    """Return the decision on the unit: the size of the surface, and its size in other probable units."""
     sides, unit = np.ptp(surface.V, axis=0).tolist(), chosen.unit
     words = f"{unit}{', as the file says' if declared == unit else ''}: it is {_box(surface)}"
     alternatives = sizes_in_other_units(sides, unit, USUAL)
     if chosen.units:
         likely = [f"--unit {name}:" for name, share in chosen.units[1:] if share > UNLIKELY]
-        alternatives = (
-            [alternative for alternative in alternatives if alternative.startswith(tuple(likely))] if likely else []
-        )
+        alternatives = [text for text in alternatives if text.startswith(tuple(likely))]
     elif USUAL[0] <= max(sides) <= USUAL[1] or declared or option:
         alternatives = []
-    return words + (
-        size_doubt(sides, unit) or (f" (the file does not say; {'; '.join(alternatives)})" if alternatives else "")
-    )
+    sizes = f" (the file does not say; {'; '.join(alternatives)})" if alternatives else ""
+    return words + (size_doubt(sides, unit) or sizes)
 
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:
-    """Return '--unit in: 8 m x 6 m x 3 m' for each unit in which the longest side (m) is in the range `between` (m)."""
+    """Return texts such as '--unit in: 8 m x 6 m x 3 m', for units with a longest side in the range `between` (m)."""
     metres = {name: metres_per(name) / metres_per(unit) for name in GUESSED if name != unit}
     return [
         f"--unit {name}: {' x '.join(length(times * side) for side in sides)}"
@@ -280,11 +276,8 @@ def _box(surface: Surface) -> str:
 
 
 def vertical_axis(up: str | None) -> Up | None:
-    """Return the axis, or None if the user gave none; raises SurfaceError for words other than x, y, z, -x, -y, -z."""
-    for axis in get_args(Up):
-        if axis == up:
-            result: Up = axis
-            return result
-    if up is not None:
-        raise SurfaceError(f"up = {up!r} is not an axis; use one of {', '.join(get_args(Up))}")
-    return None
+    """Return the axis, or None if the user named none. Raises SurfaceError for anything but x, y, z, -x, -y, -z."""
+    axes: tuple[Up, ...] = get_args(Up)
+    if up is None or up in axes:
+        return next((axis for axis in axes if axis == up), None)
+    raise SurfaceError(f"up = {up!r} is not an axis; use one of {', '.join(axes)}")

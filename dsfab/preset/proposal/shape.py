@@ -1,4 +1,4 @@
-"""`Shape`: a coarse copy of a surface with its edges, corners, sides, necks and hollows, from which readings choose."""
+"""`Shape`: a coarse copy of a surface, with measures for readings: edges, corners, sides, necks and hollows."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,21 +13,19 @@ from dsfab.core.errors import SurfaceError
 from dsfab.surface import Surface, polyline_length, remeshed_surface
 
 VERTICES = 1500  # Usual number of vertices of a coarse shape: a solve then takes about 0.05 s.
-STEPS = 400  # Number of even steps along an edge, in which its heights and directions are measured.
-SLOPE = 0.25  # Slope at which an edge is half a level one (14 degrees); the rim of a stand is hardly steeper.
+STEPS = 400  # Number of even steps along a closed edge.
+SLOPE = 0.25  # Slope (14 degrees) of an edge with a levelness of 1/2; the rim of a stadium is hardly steeper.
 CORNER = 40.0  # Least turn of an edge at a corner, degrees.
-DEPTH, RISE = 0.15, 0.05
-"""The edge rises by `DEPTH` of the height between two feet; a foot itself rises by `RISE` of it."""
-SMALL = 0.15  # Largest length of a small loop (a column head, a lug, an opening), as a share of the longest loop.
+DEPTH, RISE = 0.15, 0.05  # Least rise of an edge between feet, largest rise within a foot, divided by the height.
+SMALL = 0.15  # Largest length of a small loop (column head, lug, opening), divided by that of the longest loop.
 STRIP = 3.0  # Least ratio of the long to the short sides of a strip, such as a canopy over a platform, or a footbridge.
-NECK = 0.2
-"""Least part of the direction in which the sheet leaves a small edge that is vertical, for a column head or a lug."""
-LUG = 2.0  # Least height of a lug over the sheet around it, divided by its radius.
-HEAD = 2.2  # Headroom, metres: what is lower does not come down to the ground, because nobody could stand below it.
+NECK = 0.2  # Least vertical component of `Shape.neck` at a column head or a lug.
+LUG = 2.0  # Least height of a lug above the sheet around it, divided by the radius of the lug.
+HEAD = 2.2  # Headroom, metres.
 
 
 def coarse_surface(surface: Surface) -> Surface:
-    """Return the surface, in its own unit, with about `VERTICES` vertices; as it is if it cannot have another mesh."""
+    """Return the surface in its own unit with about `VERTICES` vertices, or unchanged if remeshing fails."""
     if 0.5 * VERTICES < surface.n < 1.6 * VERTICES:
         return surface
     middle, size = surface.V.mean(axis=0), surface.size
@@ -45,15 +43,15 @@ def is_nearly_closed(surface: Surface) -> bool:
 
 
 def is_figure(surface: Surface) -> bool:
-    """Return True if the surface is closed, or nearly closed, such as a sculpture of a head with an open neck."""
+    """Return True if the surface is closed, or nearly closed, such as a head with an open neck."""
     return bool(surface.edge_lengths[surface.edges.boundary].sum() ** 2 < 4 * surface.area)
 
 
 def depth_within(points: Floats, middle: Floats) -> float | None:
-    """Return how far a point (2,) is within the convex outline of points (k, 2), metres; negative outside.
-    None if the points lie on a line, so that they have no outline."""
+    """Return the distance (m) from a point (2,) to the convex outline of points (k, 2); negative outside.
+    None if the points lie on a line and have no outline."""
     try:
-        sides = ConvexHull(points).equations  # a point is inside if all equations are negative
+        sides = ConvexHull(points).equations  # negative for a point inside
     except (QhullError, ValueError):
         return None
     return float(-(sides[:, :2] @ middle + sides[:, 2]).max())
@@ -63,7 +61,7 @@ def depth_within(points: Floats, middle: Floats) -> float | None:
 class Edge:
     """A closed free edge, or a part of it.
     loop   : number of the boundary loop of the coarse surface.
-    points : (k, 3) even steps along it, metres; a closed edge does not repeat its first point.
+    points : (k, 3) points in even steps along the edge, metres; a closed edge does not repeat its first point.
     closed : true for a whole loop."""
 
     loop: int
@@ -83,22 +81,22 @@ class Edge:
 
     @cached_property
     def length(self) -> float:
-        """Metres."""
+        """Length, metres."""
         return polyline_length(np.vstack([self.points, self.points[:1]]) if self.closed else self.points)
 
     @property
     def z(self) -> Floats:
-        """Heights (k,) of the points."""
+        """Heights (k,) of the points, metres."""
         return self.points[:, 2]
 
     def part(self, start: int, end: int) -> "Edge":
-        """Return the part of a closed edge from one point to another, both included; it goes on past the last point."""
+        """Return the part of a closed edge from point `start` to point `end`, both included."""
         run = np.arange(start, end + 1 if end >= start else end + 1 + len(self.points))
         return Edge(self.loop, self.points[run % len(self.points)], closed=False)
 
     @cached_property
     def levelness(self) -> float:
-        """1 for a level edge, 1/2 where its slope (root mean square, without the zigzag of the mesh) is `SLOPE`."""
+        """1 for a level edge, 1/2 if the root mean square of the slope is `SLOPE`; the mesh's zigzag does not count."""
         P = self.points[:: max(len(self.points) // 60, 1)]
         step = np.diff(np.vstack([P, P[:1]]), axis=0) if self.closed else np.diff(P, axis=0)
         run = lengths(step) + 1e-12
@@ -106,12 +104,13 @@ class Edge:
 
     @cached_property
     def straight_levelness(self) -> float:
-        """The `levelness` of a side along a wall or a beam, by its rise over its length."""
+        """Levelness of a side along a wall or a beam, from its rise divided by its length."""
         return float(1 / (1 + (np.ptp(self.z) / max(self.length, 1e-12) / SLOPE) ** 2))
 
     def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
-        """Yield low stretches of a closed edge, and how deep they are below the edge beside them, metres.
-        height : of the surface.    shortest : least length of a stretch (m); it grows on its lower side first."""
+        """Yield low stretches of a closed edge, each with its depth (m) below the edge beside the stretch.
+        height   : of the surface, metres.
+        shortest : least length of a stretch, metres; a shorter stretch grows on its lower side first."""
         z, n, step = self.z, len(self.points), self.length / len(self.points)
         tops, facts = find_peaks(-np.tile(z, 3), prominence=DEPTH * height, plateau_size=(None, None))
         for top, depth in zip((tops - n).tolist(), facts["prominences"].tolist(), strict=True):
@@ -119,15 +118,15 @@ class Edge:
                 continue
             profiles = [np.maximum.accumulate(np.roll(z, -top)[::sign][: n // 2 - 1]) for sign in (1, -1)]
             least = np.sort(np.concatenate(profiles))[min(int(np.ceil(shortest / step)), n - 3)]
-            level = max(z[top] + RISE * height, least) + 1e-4 * height  # equal heights on both sides count alike
+            level = max(z[top] + RISE * height, least) + 1e-4 * height  # includes equal heights on both sides
             after, before = (int((profile <= level).sum()) for profile in profiles)
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
     def corners(self, arm: float) -> list[int]:
-        """Return the points at which a closed edge turns most, by `CORNER` or more within an `arm` (m) on both sides.
-        An edge that goes up and down in a straight line of the plan, as that of a folded roof, has no corners there."""
+        """Return the points with the largest turns of a closed edge, `CORNER` or more, over an `arm` (m) on each side.
+        Ups and downs along a straight line in plan, as on a folded roof, give no corners."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
-        before, after = (self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points)
+        before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points
         long = lengths(before) * lengths(after) + 1e-12
         cosine = np.einsum("ki,ki->k", before, after) / long
         plan = np.linalg.norm(before[:, :2], axis=1) * np.linalg.norm(after[:, :2], axis=1)
@@ -141,7 +140,7 @@ class Edge:
         return sorted(corners)
 
     def posts(self, apart: float, width: float) -> list["Edge"]:
-        """Return short parts (metres wide) of an open edge at even distances of about `apart` metres."""
+        """Return parts of an open edge, `width` metres long, at even distances of about `apart` metres."""
         n, count = len(self.points), max(round(self.length / apart), 2)
         half = max(round(width / self.length * n / 2), 1)
         middles = [round((k + 0.5) * (n - 1) / count) for k in range(count)]
@@ -156,7 +155,7 @@ class Shape:
 
     @cached_property
     def edges(self) -> list[Edge]:
-        """Whole edges, the longest first."""
+        """All boundary loops, the longest first."""
         return [Edge.from_loop(k, self.surface.V[loop]) for k, loop in enumerate(self.surface.loops)]
 
     @cached_property
@@ -168,7 +167,7 @@ class Shape:
 
     @cached_property
     def large(self) -> list[Edge]:
-        """Inner edges longer than a column head: of a courtyard, of a stand."""
+        """Long inner edges, for example of a courtyard or a stadium."""
         return [edge for edge in self.edges if edge not in self.outer and edge not in self.small]
 
     @cached_property
@@ -182,33 +181,33 @@ class Shape:
 
     @cached_property
     def width(self) -> float:
-        """Metres: 4 times the area over the length of the edges: of a square its side, of a strip twice its width."""
+        """4 times the area over the length of the edges, metres: the side of a square, twice the width of a strip."""
         length = sum(edge.length for edge in (*self.outer, *self.large))
         return float(4 * self.surface.area / length if length else np.sqrt(self.surface.area))
 
     @cached_property
     def plan_share(self) -> float:
-        """Share of the area that a plan shows: 1 for a flat roof, 0 for a wall."""
+        """Share of the area that is visible in plan: 1 for a flat roof, 0 for a wall."""
         return float(self.surface.areas @ np.abs(self.surface.normals[:, 2]) / self.surface.area)
 
     @cached_property
     def middle(self) -> Floats:
-        """Centre of mass (3,)."""
+        """Centre of mass (3,), metres."""
         return np.asarray(self.surface.areas @ self.surface.centroids / self.surface.area)
 
     @property
     def is_raised(self) -> bool:
-        """True if it does not come down to the ground: too low to stand under, or modelled at its height."""
+        """True if the surface does not reach the ground: it is too low to stand under, or modelled above z = 0."""
         return self.rise < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
 
     @cached_property
     def corners(self) -> list[int]:
-        """Corners of the longest edge, as numbers of its points."""
+        """Corners of the longest edge, as indices of its points."""
         return self.edges[0].corners(self.width / 8)
 
     @cached_property
     def sides(self) -> list[Edge]:
-        """The four sides of what has four corners, a pair of short ones first and third; else none."""
+        """The four sides of a surface with four corners; the first and the third are a short pair. Else empty."""
         if len(self.corners) != 4:
             return []
         c = self.corners
@@ -223,7 +222,7 @@ class Shape:
         return long / ends if self.sides else 0.0
 
     def neck(self, edge: Edge) -> Floats:
-        """Return the mean direction (3,) in which the sheet leaves an edge: up at a column head, down at a lug."""
+        """Return the mean direction (3,) from an edge into the sheet: upwards at a column head, downwards at a lug."""
         V, F = self.surface.V, self.surface.F
         is_on = np.isin(F, self.surface.loops[edge.loop])
         faces = is_on.sum(axis=1) == 2
@@ -235,7 +234,7 @@ class Shape:
         return np.asarray(length @ (into / lengths(into)[:, None]) / length.sum()) if len(third) else np.zeros(3)
 
     def slenderness(self, edge: Edge) -> float:
-        """Return how far a small edge is over the sheet around it, divided by its radius."""
+        """Return the height of a small edge above the sheet around it, divided by the radius of the edge."""
         radius = edge.length / (2 * np.pi)
         middle = edge.points.mean(axis=0)
         away = np.linalg.norm(self.surface.V[:, :2] - middle[:2], axis=1) / radius
@@ -243,13 +242,13 @@ class Shape:
         return float(middle[2] - np.median(around)) / radius if len(around) else 0.0
 
     def lowness(self, edge: Edge) -> float:
-        """Return 1 for an edge at or below the middle of the sheet, 0 at its top; 1 where the sheet is all but flat."""
+        """Return 1 for an edge at or below the centre of mass, 0 for an edge at the top; 1 on an almost flat sheet."""
         rise = (edge.z.mean() - self.middle[2]) / max(self.surface.V[:, 2].max() - self.middle[2], 1e-9)
         return 1.0 if self.rise < 0.05 * self.width else float(np.clip(1 - rise, 0, 1))
 
     @cached_property
     def hollows(self) -> Ints:
-        """Vertices (k,) in the sheet or on its edge that are lower than all around them, where water would stand."""
+        """Vertices (k,) lower than all vertices around them: places where water would stand."""
         V, z = self.surface.V, self.surface.V[:, 2]
         tree = cKDTree(V[:, :2])
         radius, lowest, hollows = self.width / 12, z.copy(), list[int]()
@@ -265,17 +264,17 @@ class Shape:
 
     @cached_property
     def inner_hollows(self) -> Ints:
-        """Hollows that are not on an edge."""
+        """Hollows (k,) that are not on an edge."""
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:
-        """Return the vertices (k, 3) nearest in plan to points (j, 2), without those that the sheet does not cover."""
+        """Return the vertices (k, 3) nearest in plan to points (j, 2), except for points beside the sheet."""
         away, vertex = (np.atleast_1d(values) for values in cKDTree(self.surface.V[:, :2]).query(plan))
         return np.asarray(self.surface.V[vertex[away < 0.05 * self.width]])
 
     @cached_property
     def is_object(self) -> bool:
-        """True for a sculpture: a closed surface, or a nearly closed one whose edges do not reach the ground."""
+        """True for a sculpture: a closed surface, or a nearly closed surface whose edges do not reach the ground."""
         if is_nearly_closed(self.surface):
             return True
         ground = self.surface.V[:, 2].min() + RISE * self.rise
@@ -284,23 +283,23 @@ class Shape:
 
     @cached_property
     def heads(self) -> list[Edge]:
-        """Small edges that the sheet leaves upwards: column heads. A plane hole is an opening."""
+        """Small edges from which the sheet rises: column heads. The sheet does not rise from the edge of an opening."""
         return [edge for edge in self.small if self.neck(edge)[2] > NECK]
 
     @cached_property
     def lugs(self) -> list[Edge]:
-        """Small edges that the sheet leaves downwards, on a slender neck, to hang from; wide ones are skylights."""
+        """Small edges to hang the sheet from, each at the top of a slender neck; wide edges are skylights."""
         return [edge for edge in self.small if self.neck(edge)[2] < -NECK and self.slenderness(edge) > LUG]
 
     @cached_property
     def wall(self) -> float:
-        """1 for a wall, which shows nothing in plan, 0 for a roof."""
+        """1 for a wall, 0 for a roof, by the share of the area that is visible in plan."""
         return float(np.clip((0.55 - self.plan_share) / 0.2, 0, 1))
 
     @cached_property
     def is_deck(self) -> bool:
-        """True for a strip with level ends that people can walk on: as steep as stairs (40 degrees) if it goes up from
-        end to end, else as a ramp (25 degrees)."""
+        """True for a strip with level ends that people can walk on.
+        The limit of slope is 40 degrees (stairs) for a strip that climbs from end to end, else 25 degrees (a ramp)."""
         climb = abs(float(np.subtract(*(end.z.mean() for end in self.sides[::2])))) if self.sides else 0.0
         walkable = np.abs(self.surface.normals[:, 2]) > np.cos(np.radians(40.0 if climb > 0.9 * self.rise else 25.0))
         share = float(self.surface.areas[walkable].sum() / self.surface.area)
@@ -313,7 +312,7 @@ class Shape:
 
 
 def is_scalloped(edge: Edge, corners: Sequence[int]) -> bool:
-    """Return True if a closed edge comes inwards in plan between all its corners, as one that a cable holds."""
+    """Return True if a closed edge curves inwards in plan between all its corners, as along cables."""
     middle = edge.points[list(corners), :2].mean(axis=0)
     for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
         arc = edge.part(a, b).points[:, :2]

@@ -11,25 +11,23 @@ from dsfab.preset.proposal.shape import is_figure
 from dsfab.surface import Surface
 
 MEMBERS = 16  # Number of members across the shorter side of the plan.
-COARSEST, FINEST = 2.5, 3.5
-"""Least and largest number of mesh edges per spacing. Fewer edges give ragged stripes; more edges only take time."""
+COARSEST, FINEST = 2.5, 3.5  # Least and largest number of mesh edges per spacing; with fewer, stripes are ragged.
 TRIANGLES = 6500  # Usual number of triangles of the mesh. The solid then has 30 000 faces, which CAD programs can open.
-SLENDER = {"steel": 200, "timber": 100}  # Span over thickness, by material.
+SLENDER = {"steel": 200, "timber": 100}  # Ratio of span to thickness, by material.
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
-"""Ratio of the span to the shorter side of the plan above which the span governs the thickness. A square roof on its
-corners spans its diagonal, 1.41 sides."""
-THICKEST = 1 / 5
-"""Largest thickness for a long span over the spacing, because members are hardly wider than this share."""
-MODEL = 3.0  # Size in metres; smaller surfaces are printed models.
+"""Least ratio of the span to the shorter side of the plan for which the span governs the thickness. A square roof on
+its corners has a ratio of 1.41."""
+THICKEST = 1 / 5  # Largest thickness divided by the spacing for a long span, about the width of a member.
+MODEL = 3.0  # Surfaces smaller than this size, in metres, are printed models.
 
 
 @dataclass(frozen=True)
 class Sizes:
     """Lengths in metres; `edge` is 0 if the mesh stays unchanged.
     own     : mean edge length of the user's mesh.
-    span    : shorter side of the plan (see `shorter_side`), or the span of a roof if the span is far smaller.
-    bridged : span between the supports, if this span is far longer than the shorter side, else 0."""
+    span    : shorter side of the plan (see `shorter_side`), or the span of a roof if it is far smaller.
+    bridged : span between the supports if it is far longer than the shorter side of the plan, else 0."""
 
     span: float
     spacing: float
@@ -41,7 +39,7 @@ class Sizes:
 
     @property
     def coarse(self) -> bool:
-        """True if the edges of the user's mesh are much longer than new edges, so that facets would stay visible."""
+        """True if the edges of the user's mesh are so long that its facets would stay visible."""
         return self.edge < 0.7 * self.own
 
     @property
@@ -50,11 +48,12 @@ class Sizes:
         return round(self.bridged / self.thickness) if self.bridged else slenderness(self.material)
 
     def with_feet(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
-        """Return the sizes for a surface on feet (k, 3): thicker if the span far exceeds the shorter side of its plan.
+        """Return the sizes for a surface on feet (k, 3): thicker if the span far exceeds the shorter side of the plan.
 
-        The span is twice the distance in plan from the feet to the vertex farthest from them. If the span of a roof is
-        far smaller than the side, as around a courtyard, all sizes follow it. If the span is far larger, the thickness
-        is 1.1 times that for the geometric mean of span and side: clamped ends bend most. The spacing grows too.
+        The span is twice the distance in plan from the feet to the farthest vertex. If the span of a roof is far
+        smaller than the shorter side, as around a courtyard, all sizes follow the span. If the span is far larger, the
+        spacing grows, and the thickness is 1.1 times that for the geometric mean of span and side, because clamped ends
+        bend most.
 
         Buckling load factors of uncut steel sheets: a footbridge of 3 m x 30 m has 1.6 with 15 mm (the usual thickness
         for 3 m), 8.5 with 40 mm, 11.6 with 80 mm; a roof of 12 m x 24 m has 13 with 60 mm, 56 with 130 mm. An arched
@@ -84,7 +83,7 @@ class Sizes:
 
     @property
     def fillet(self) -> float:
-        """Radius of the corners of openings; a thick sheet gets a larger one, see `Preset.with_thickness`."""
+        """Radius of the corners of openings, before `Preset.with_thickness` enlarges it for thick sheets."""
         return two_digits(0.06 * self.spacing)
 
 
@@ -94,7 +93,7 @@ def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> S
     figure = is_figure(surface)
     span = span or shorter_side(surface)
     square = float(np.sqrt(surface.area))
-    cells = 550  # more openings take long, and the eye does not see a pattern
+    cells = 550  # with more openings the eye sees no pattern
     spacing = two_digits(max(square / 18 if figure else span / MEMBERS, square / np.sqrt(cells)))
     material = material or ("PLA" if surface.size < MODEL else "GL24h")
     thick = spacing / 8 if figure else span / slenderness(material)
@@ -102,18 +101,16 @@ def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> S
 
 
 def shorter_side(surface: Surface) -> float:
-    """Return the shorter side of a surface's plan (m), or of its face if the surface is a wall."""
+    """Return the shorter side (m) of a surface's plan; for a wall, the shorter side of its elevation."""
     across, face = float(np.ptp(surface.V, axis=0)[:2].min()), float(np.sort(np.ptp(surface.V, axis=0))[1])
     return face if across < face / 4 else across
 
 
 def slenderness(material: str) -> int:
-    """Return the ratio of span to thickness for a material."""
     return SLENDER["steel" if material in STEEL else "timber"]
 
 
 def two_digits(x: float) -> float:
-    """Round a number to two significant digits."""
     return float(f"{x:.2g}")
 
 

@@ -1,4 +1,4 @@
-"""Competitors of a design by name: structures that use the same mass in another way."""
+"""Competitors of a design by name: structures of the same mass."""
 
 from collections.abc import Iterable, Mapping
 
@@ -30,14 +30,12 @@ BASELINES: Mapping[str, Baseline] = {
     "simp": simp,
 }
 """Functions of the competitors by name. A competitor has the design's mass, loads, supports, kept regions and
-thickness,
-with two exceptions: `thinner` is thinner, and `simp` keeps only painted regions and its own discs (see `free_task`)."""
-
-DEFAULT = ("isotropic", "thinner")  # names of the competitors of a comparison by default
+thickness. But `thinner` has less thickness, and `simp` keeps only the user's regions and its own discs."""
+DEFAULT = ("isotropic", "thinner")  # default competitors of a comparison
 
 
 def baselines_by_name(names: Iterable[str]) -> dict[str, Baseline]:
-    """Return the functions of competitors by their names, without repetition. Raises DsfabError for an unknown name."""
+    """Return the functions of competitors by name, without repetition. Raises DsfabError for an unknown name."""
     for name in (names := list(dict.fromkeys(names))):
         if name not in BASELINES:
             raise DsfabError(

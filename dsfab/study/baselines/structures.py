@@ -39,10 +39,10 @@ from dsfab.surface.fields import voronoi_mass
 
 @dataclass(frozen=True, eq=False)
 class ComparisonTask:
-    """Common input of all competitors of a design: the preset with the design's modes and phases, results of the stages
-    before the pattern, and the area of material (m2).
-    frequency : frequencies of the major and of the minor stripes. For evenly spaced stripes they give stripes on the
-                first mode with the same mean distance.
+    """Common input of all competitors of a design.
+    preset    : with the modes and phases of the design.    area : of the material, m2.
+    frequency : of the major and the minor stripes; for evenly spaced stripes, that of stripes on the first mode with
+                the same spacing.
     even      : evenly spaced stripes of the design; None for stripes on modes."""
 
     preset: Preset
@@ -55,7 +55,7 @@ class ComparisonTask:
 
     @classmethod
     def from_design(cls, design: Design, area: float) -> Self:
-        """Return the task of the competitors of a design."""
+        """Return the task for the competitors of a design."""
         pattern = design.pattern
         preset = pattern.preset_with_choices(design.preset)
         frequency = pattern.frequency
@@ -85,12 +85,12 @@ class ComparisonTask:
 
     @property
     def stressed_surface(self) -> StressedSurface:
-        """Surface, statics and diffusion: the input of a pattern."""
+        """Surface, statics and diffusion, the input of a pattern."""
         return StressedSurface(self.surface, self.statics, self.diffusion)
 
     @property
     def share(self) -> float:
-        """Area of material over the area of the surface."""
+        """Area of material divided by the area of the surface."""
         return self.area / self.surface.area
 
     @property
@@ -109,14 +109,14 @@ class ComparisonTask:
         return flat_axis(self.surface, *self.all_loads.values()) is not None
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
-        """Return `loads` (`all_loads` if `every`) on the uncut surface, but with the self-weight of the structure."""
+        """Return `loads` (`all_loads` if `every`) on the uncut surface, but with the self-weight of a structure."""
         share = structure.thickness / self.preset.statics.thickness
         uncut_loads = self.all_loads if every else self.loads
         return {name: load.of_thickness(self.surface, share) for name, load in uncut_loads.items()}
 
     @cached_property
     def kept_layers(self) -> Sequence[Layer]:
-        """Layers that every cut competitor keeps: the discs around loads and supports, and the rim."""
+        """Layers that are material in every cut competitor: the discs around loads and supports, and the rim."""
         return kept_regions(self.preset, self.surface, self.statics.load, self.even)
 
     @property
@@ -127,9 +127,9 @@ class ComparisonTask:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A structure that a judge solves.
+    """A structure to judge.
     cells  : all cells, material and void.        names : names of the fields of the cut, see `cut`.
-    sheet  : the built sheet, without loose pieces.       pieces : number of its pieces.      thickness : metres."""
+    sheet  : the sheet without loose pieces.       pieces : number of its pieces.      thickness : metres."""
 
     cells: Sheet
     names: tuple[str, ...]
@@ -139,18 +139,18 @@ class Structure:
 
     @classmethod
     def uncut(cls, surface: Surface, thickness: float) -> Self:
-        """Return the whole surface as a structure."""
+        """Return the uncut surface as a structure."""
         sheet = whole_sheet(surface)
         return cls(sheet, ("the sheet",), sheet, pieces(surface.F, surface.edges)[0], thickness)
 
     @cached_property
     def material(self) -> Sheet:
-        """The material of all cells; loose pieces are included."""
+        """The material of all cells, with loose pieces."""
         return self.cells.subset()
 
     @property
     def loose(self) -> float:
-        """Share of the material that reaches no support; the built sheet is without this material."""
+        """Share of the material that reaches no support."""
         return max(0.0, 1 - self.sheet.surface.area / self.material.surface.area)
 
 
@@ -162,24 +162,22 @@ class Variant:
     make: Callable[[], Structure]
 
 
-Baseline = Callable[[ComparisonTask], list[Variant]]  # makes the variants of a competitor; the stiffest competes
+Baseline = Callable[[ComparisonTask], list[Variant]]  # returns the variants of a competitor; the stiffest competes
 
 
 def thinner(task: ComparisonTask) -> list[Variant]:
-    """Return the whole surface with one thickness, which gives the mass of the design."""
+    """Return the uncut surface with the constant thickness that gives the mass of the design."""
     return [Variant("", partial(Structure.uncut, task.surface, task.share * task.preset.statics.thickness))]
 
 
-SAME_MASS = 1e-3  # largest relative difference between masses that count as equal
-
+SAME_MASS = 1e-3  # largest relative difference of equal masses
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
-"""Function of a task, a share of the surface and a tolerance. It returns layers that cover that share with material."""
+"""Function of a task, a share of the surface and a tolerance; it returns layers of material that cover this share."""
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return the structure whose sheet has the area of the task. Stripes are widened to replace the material of loose
-    pieces, which are left out. A second try uses a finer snap, because snapped values make the area jump on coarse
-    meshes.
+    """Return the structure whose sheet has the area of the task. Wider stripes replace the material of loose pieces,
+    which are left out. A second try uses a finer snap, because snapped cuts make the area jump on coarse meshes.
     Raises PatternError if no width gives the area."""
     try:
         return _structure_of_area(task, drawing)
@@ -191,7 +189,7 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
-        # 0.3 of the tolerance; the rest is for loose pieces and for pinches that slicing joins
+        # loose pieces and joined pinches may use 0.7 of the tolerance
         structure = sliced_structure(task, drawing(task, target_share, 0.3 * SAME_MASS * task.share))
         excess = structure.sheet.surface.area / task.area - 1
         if abs(excess) <= SAME_MASS:
@@ -204,8 +202,7 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure:
-    """Return the structure that slicing, with the options of the preset, cuts from layers. Loose pieces are left out,
-    so the mass may change."""
+    """Return the structure that slicing cuts from layers, with the preset's options but without loose pieces."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     slicing = task.preset.slicing.model_copy(update={"loose": "drop"})
     preset = task.preset.with_pattern(workshop=False).model_copy(update={"slicing": slicing})
@@ -224,20 +221,20 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return stripes of both families, on modes of `diffusion` or on `even`, so wide that they have the task's area."""
+    """Return stripes of both families with the task's area, on modes of `diffusion` or on `even`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
 
 
 def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[DrawableFamily]) -> Structure:
-    """Return families of stripes with widths by the preset's rule, so wide that they have the task's area. Dead ends
-    are removed only if the preset requests it, because stripes that ignore the stress have many dead ends."""
+    """Return families of stripes with the task's area; their widths follow the preset's rule. Dead ends are removed
+    only if the preset requests it, because stripes that ignore the stress have many dead ends."""
     task, factor = replace(task, preset=preset), 0.0
 
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
         nonlocal factor
-        # the preset's own tolerance is too wide to compare masses
+        # the preset's tolerance is too large for equal masses
         width = preset.pattern.width.model_copy(update={"solid_fraction": share, "solid_fraction_tolerance": JUMP})
         widened = preset.model_copy(update={"pattern": preset.pattern.model_copy(update={"width": width})})
         search = WidthSearch(lambda layers: area_share(task, layers), tolerance, factor)
@@ -247,9 +244,9 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # number of modes that form pairs; with a single pair, the result would depend on chance if modes repeat
+MODES = 3  # number of modes for pairs; with repeated eigenvalues, a single pair would depend on chance
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
-PHASES = (0.0, 0.25, 0.5, 0.75)  # phases (periods) of the variants of stripes without modes
+PHASES = (0.0, 0.25, 0.5, 0.75)  # phases, in periods, of the variants without modes
 
 
 class IsotropicStripes(NamedTuple):
@@ -267,7 +264,7 @@ def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
     families = blind.pattern.major, blind.pattern.minor
     alike = families[0].stripes == families[1].stripes and families[0].spacing == families[1].spacing
-    # without stress both families have the same modes, so equal stripes make the pairs (1, 2) and (2, 1) alike
+    # both families have the same modes, so for equal stripes the pair (2, 1) equals (1, 2)
     pairs = [(a, b) for a, b in PAIRS if not alike or a <= b]
     return IsotropicStripes(blind, _distinct_pairs(blind, pairs), diffusion)
 
@@ -283,7 +280,7 @@ def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Va
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
-    """Return a variant for each pair of modes of diffusion tensors turned by 45 degrees in the tangent plane."""
+    """Return a variant for each pair of modes of diffusion tensors, turned by 45 degrees in the tangent plane."""
 
     @cache
     def diffusion() -> DiffusionResult:
@@ -297,7 +294,7 @@ def rotated_stripes(task: ComparisonTask) -> list[Variant]:
 
 
 def von_mises(task: ComparisonTask) -> list[Variant]:
-    """Return one family of stripes of equal width along level lines of the von Mises stress, as the paper discusses."""
+    """Return one family of equally wide stripes along level lines of the von Mises stress, as the paper discusses."""
     value = mode_like_field(task.surface, task.statics.answers.stress.largest)
     return [
         Variant(f"phase {phase:g}", partial(_plain_stripes, task, {"von Mises": (value, task.frequency[0])}, phase))
@@ -306,7 +303,7 @@ def von_mises(task: ComparisonTask) -> list[Variant]:
 
 
 def grid(task: ComparisonTask) -> list[Variant]:
-    """Return straight stripes of equal width along the surface's two principal axes, as many as the design's."""
+    """Return straight, equally wide stripes along the surface's two principal axes, as many as the design has."""
     centred = task.surface.V - task.surface.V.mean(axis=0)
     fields = {
         name: (scaled_field(task.surface, centred @ axis), frequency)
@@ -316,7 +313,7 @@ def grid(task: ComparisonTask) -> list[Variant]:
 
 
 def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) -> DiffusionTensors:
-    """Return diffusion tensors turned by `angle` (radians) about the faces' normals; stored stresses do not change."""
+    """Return diffusion tensors turned by `angle` (radians) about the faces' normals; their stored stresses stay."""
     x, y, z = surface.normals.T
     zero = np.zeros(surface.m)
     across = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
@@ -326,26 +323,25 @@ def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) ->
 
 
 def mode_like_field(surface: Surface, face: Floats) -> Floats:
-    """Return (n,) values at the vertices, from values of faces (m,), scaled by `scaled_field`."""
+    """Return values (n,) at the vertices, from values (m,) on faces, scaled by `scaled_field`."""
     return scaled_field(surface, vertex_means(surface, face))
 
 
 def scaled_field(surface: Surface, value: Floats) -> Floats:
-    """Return values (n,) scaled like `dsfab.diffusion.Modes`: mean 0, and the integral of the square is area / 4 pi."""
+    """Return values (n,) scaled like `dsfab.diffusion.Modes`: mean 0, and integral of the square area / 4 pi."""
     mass = voronoi_mass(surface)
     value = value - mass @ value / mass.sum()
     return np.asarray(value * np.sqrt(surface.area / (4 * np.pi) / (mass @ value**2)))
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return the two unit axes (2, 3) along which the surface is longest.
-    If several axes are equally long, loads and supports decide."""
+    """Return the two unit axes (2, 3) along which the surface is longest; supports and loads settle ties."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     spread = x.T @ (mass[:, None] * x)
     ties = reference_axes(surface, (load.supported.astype(float),), (load.force.sum(axis=0),))
-    # 1e-3 is so small that it decides only between equally long axes, as of a sphere or a square
+    # small enough to decide only between equally long axes
     spread += 1e-3 * np.trace(spread) * ties.T @ np.diag([1.0, 0.5, 0.0]) @ ties
     return np.asarray(np.linalg.eigh(spread)[1][:, :0:-1].T)
 

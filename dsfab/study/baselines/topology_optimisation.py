@@ -1,4 +1,4 @@
-"""Topology optimisation by density (SIMP) on a triangle mesh, and the competitor cut from the densities."""
+"""Topology optimisation by density (SIMP) on a triangle mesh, and a competitor made from the densities."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -19,8 +19,7 @@ from dsfab.surface import LoadCase, Surface
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
     """Return weights (m, m) between faces whose centroids are at most `radius` metres apart; each row sums to 1.
-    A weight is A_f (radius - distance), divided by the sum of its row. The area A_f removes the effect of local
-    refinement [Sigmund 2007]."""
+    A weight is A_f (radius - distance), divided by the sum of its row; A_f is the area of the face [Sigmund 2007]."""
     i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
     diagonal = np.arange(surface.m)
@@ -40,11 +39,11 @@ def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> 
 class Simp:
     """Options of SIMP.
     radius       : radius of the filter, metres, about the width of members; 0: see `filter_radius`.
-    iterations   : limit for each penalisation, which ends earlier if no density changes by more than `change`.
+    iterations   : most iterations for each penalisation; fewer if no density changes by more than `change`.
     penalisation : final p. A face of density x has the stiffness void + x^p (1 - void) [Bendsoe, Sigmund 1999].
     steps        : number of steps in which p rises from 1; 0: p is constant. At p = 1 the problem has one solution, so
                    the result depends little on mesh and start [Petersson and Sigmund 1998].
-    void         : stiffness of an empty face over that of a full face.
+    void         : stiffness of an empty face divided by that of a full face.
     move         : largest change of a density in one iteration.
     Raises StaticsError for values out of range."""
 
@@ -66,7 +65,7 @@ class Simp:
             )
 
     def filter_radius(self, surface: Surface) -> float:
-        """Return `radius`, or 3 % of the root of the area (m), but at least 1.1 edges, which the filter needs."""
+        """Return `radius`, or 3 % of the root of the surface's area (m), but at least 1.1 mean edges."""
         return self.radius or max(0.03 * float(np.sqrt(surface.area)), 1.1 * surface.mean_edge)
 
     @property
@@ -75,11 +74,11 @@ class Simp:
         return np.linspace(1.0 if self.steps else self.penalisation, self.penalisation, self.steps + 1)
 
     def stiffness(self, density: Floats) -> Floats:
-        """Return the stiffness (m,) of faces over the stiffness of full faces."""
+        """Return the stiffness (m,) of faces, divided by the stiffness of full faces."""
         return np.asarray(self.void + (1 - self.void) * density**self.penalisation)
 
     def slope(self, density: Floats) -> Floats:
-        """Return the derivative (m,) of the stiffness of faces by their density."""
+        """Return the derivative (m,) of the stiffness of each face with respect to its density."""
         return np.asarray((1 - self.void) * self.penalisation * density ** (self.penalisation - 1))
 
 
@@ -87,7 +86,7 @@ class Simp:
 class Densities:
     """Result of SIMP.
     density : (m,) 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
-    history : (iterations,) compliance (J) before each iteration. Such sheets, with grey densities, cannot be built."""
+    history : (iterations,) compliance (J) before each iteration; a sheet with grey densities cannot be built."""
 
     density: Floats
     history: Floats
@@ -106,7 +105,7 @@ class Densities:
     def grey(self, surface: Surface) -> float:
         """Return the share of the area with a density from 0.1 to 0.9, which is neither void nor material. The share is
         large if both principal stresses are equal and opposite, as on a sphere pressed at its pole. There a rib loses
-        across itself the stiffness that it gains along itself, so SIMP makes no ribs."""
+        as much stiffness across its axis as it gains along its axis, so SIMP makes no ribs."""
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
@@ -118,13 +117,11 @@ def densities(
     weights: Mapping[str, float] | None = None,
     options: Simp | None = None,
 ) -> Densities:
-    """Return the densities of faces with the least compliance.
-    The sum of density x face area is `area`, square metres.
+    """Return the densities of faces with the least compliance. The sum of density times face area is `area` (m2).
     Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales
     membrane and bending stiffness equally. Sensitivities are filtered, and densities follow optimality criteria as in
     top88 [Andreassen et al. 2011].
-    solid   : (m,) mask of faces that stay material.     weights : factor on each load's compliance in the sum; default
-              1.
+    solid   : (m,) mask of faces that stay material.     weights : weight of each load's compliance, default 1.
     Raises StaticsError if the sheet is not supported, or if `area` is less than the area of the solid faces."""
     options, surface = options or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
@@ -159,15 +156,15 @@ def _start_density(surface: Surface, area: float, solid: Bools) -> float:
 
 
 def simp(task: ComparisonTask) -> list[Variant]:
-    """Return the structure of faces whose SIMP density exceeds a limit; the limit gives the area of the task."""
+    """Return the structure of faces whose SIMP density exceeds a limit, chosen for the area of the task."""
     free = free_task(task)
     return [Variant("", lambda: _cut_structure(free, optimised_densities(free)))]
 
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
-    """Return the task without the preset's rim; painted regions and discs around loads and supports are kept. The discs
-    have the radius of the filter. The rim would take most of the material: with it, an L-bracket with 30 % of the
-    material was 3.2 or 5.0 times as soft as the whole plate."""
+    """Return the task without the preset's rim, and with discs of the filter's radius around loads and supports.
+    The rim would take most of the material: with it, an L-bracket with 30 % of the material was 3.2 or 5.0 times as
+    soft as the whole plate."""
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
 
@@ -186,7 +183,7 @@ def level_set_structure(task: ComparisonTask, density: Floats) -> Structure:
 
 
 def _cut_structure(task: ComparisonTask, result: Densities) -> Structure:
-    """Return `level_set_structure`. If the sheet falls apart, the error reports the share of grey area."""
+    """Return `level_set_structure`; if the sheet falls apart, the error reports the share of grey area."""
     try:
         return level_set_structure(task, result.density)
     except PatternError as error:

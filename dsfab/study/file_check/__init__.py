@@ -1,6 +1,6 @@
 """Check of an exported file by independent readers.
 
-`check_file` reads, judges and measures a file; `check_contents` checks a file that is already read. With a design both
+`check_file` reads, judges and measures a file; `check_contents` checks a file that was read before. With a design, both
 also compare the surface and the compliance."""
 
 import tempfile
@@ -34,16 +34,14 @@ __all__ = [
 ]  # fmt: skip
 
 Progress = Callable[[str, str], None]
-
-TOO_THIN, TOO_THICK = 1e-4, 10.0  # metres; walls out of this range mean that the file is in another unit
-
-AGREES, DIFFERS = 0.05, 0.15  # relative differences of compliance: solid and shell agree below, differ above
+TOO_THIN, TOO_THICK = 1e-4, 10.0  # metres; the unit of a file is wrong if its walls are outside of this range
+AGREES, DIFFERS = 0.05, 0.15  # relative differences of compliance: solid and shell agree up to 5 %, differ above 15 %
 
 
 @dataclass(frozen=True)
 class Finding:
     """The answer to a question about a file. name : `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
-    reason : a sentence; empty if the numbers explain the answer."""
+    reason : a sentence, or '' if the numbers explain the answer."""
 
     name: str
     verdict: Status
@@ -53,9 +51,8 @@ class Finding:
 @dataclass(frozen=True, eq=False)
 class FileCheck:
     """Result of the check of a file.
-    clearances : None for a file that is not closed.       distance, carrying : None if not measured; `findings` say
-                 why.
-    density    : kg/m3, 0 if unknown."""
+    clearances : None for a file that is not closed.       density    : kg/m3, 0 if unknown.
+    distance, carrying : None if not measured; `findings` state the reason."""
 
     path: Path
     found: FileContents
@@ -73,7 +70,6 @@ class FileCheck:
 
     @property
     def has_passed(self) -> bool:
-        """True if no finding fails."""
         return not any(finding.verdict == "fail" for finding in self.findings)
 
 
@@ -87,7 +83,7 @@ def check_file(
     max_triangles: int = DEFAULT_TRIANGLES,
 ) -> FileCheck:
     """Read a file and check its contents.
-    design  : the expected design; None checks the file alone.
+    design  : the expected design; None checks only the file.
     unit    : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
     solid   : whether to compare compliance by a solid model, which needs the extra `solid` and takes longest.
     max_triangles : limit for the file (see `read_shipped`).
@@ -107,7 +103,7 @@ def check_contents(
     progress: Progress | None = None,
 ) -> FileCheck:
     """Check the contents of a file like `check_file`.
-    With a design, the file must have been read with the deflection that `deflection_for(preset)` returns.
+    The deflection of the contents must be that of `deflection_for(preset)` if there is a design.
     unit_given : whether the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
@@ -168,7 +164,7 @@ def _unit_finding(
 
 
 def _cut_finding(contents: FileContents) -> Finding:
-    """Check whether OCCT cuts a STEP file in half; a file that cannot be cut may still be a sound solid."""
+    """Check whether OCCT cuts a STEP file in half; a sound solid may fail this check."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "shape.bin"  # the binary file loads faster than STEP
         path.write_bytes(contents.shape)
@@ -178,7 +174,7 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication]. If the file equals the design, the design's measures count, else its own."""
+    """Check the limits of [fabrication] by the design's measures if the file equals the design, else by the file's."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):

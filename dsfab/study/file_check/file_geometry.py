@@ -21,14 +21,13 @@ from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
 
 SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # suffixes of files that can be checked
 STEP_BEGINS = b"ISO-10303-21"  # first word of every STEP file
-BY_CONVENTION = "mm"  # unit of STL files, which do not name a unit; dsfab and workshops use millimetres
-
+BY_CONVENTION = "mm"  # unit of STL files, which name no unit
 CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
     *(f"{word}_SURFACE".encode() for word in ("CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
     b"SURFACE_OF_",
 )
-"""Words in the text of a STEP file that name curved faces."""
+"""Names of curved faces in the text of a STEP file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +35,7 @@ class FileContents:
     """Contents of a file.
     V       : (n, 3) metres, no two at the same place.      F : (m, 3) triangles with three different corners.
     unit    : unit of the file's numbers.                   declared : whether the file names its unit.
-    metres  : length of that unit in metres.                collapsed : triangles without three different corners.
+    metres  : length of this unit in metres.                collapsed : triangles without three different corners.
     reader  : name of the reader.        path : path of the file.
     deflection : tolerance (m) of the triangles of curved STEP faces; else 0.
     shape   : shape of a STEP file in OCCT's binary form; else empty.      face : (m,) STEP face of each triangle."""
@@ -69,7 +68,7 @@ def read_shipped(
 ) -> FileContents:
     """Read the solid in an STL, 3MF or STEP file with trimesh, lib3mf or OCCT.
     unit : unit of the numbers of an STL file, default millimetres; 3MF and STEP files name their unit.
-    max_triangles : limit for an STL or a 3MF file, so that huge files are refused early.
+    max_triangles : limit for an STL or a 3MF file, checked early.
     deflection : tolerance (m) of the triangles of curved STEP faces; 0 is the reader's default.
     Raises SurfaceError or ExportError for a missing, empty, unreadable or unsuitable file, for coordinates that are not
     finite, and for a unit if the file names its unit."""
@@ -124,9 +123,8 @@ def _join_vertices(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
     return points, F[is_proper], int((~is_proper).sum())
 
 
-FLAT = 64 * float(np.finfo(np.float32).eps)  # least height of a triangle that has a normal, over the mesh's size
-
-PARALLEL = float(np.cos(np.radians(3)))  # neighbouring faces at a larger angle form a tip or a notch
+FLAT = 64 * float(np.finfo(np.float32).eps)  # least height of a triangle with a normal, divided by the mesh's size
+PARALLEL = float(np.cos(np.radians(3)))  # neighbouring faces at more than 3 degrees form a tip or a notch
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,19 +140,19 @@ class Clearance:
 
 @dataclass(frozen=True, eq=False)
 class Clearances:
-    """The thinnest wall and the smallest gap of a mesh; None if no faces are opposite to each other."""
+    """The thinnest wall and the smallest gap of a mesh; None without opposite faces."""
 
     wall: Clearance | None
     gap: Clearance | None
 
 
 def clearances(V: Floats, F: Ints) -> Clearances:
-    """Return the thinnest wall and the smallest gap of a closed mesh V (n, 3) metres, F (m, 3) oriented outwards. Four
-    rays start on each face, at its centre and near its corners: inwards for walls, outwards for gaps. A hit counts if
-    the two faces are parallel to 20 degrees. The distance is that of the hit face's plane, which is exact between flat
-    faces. Neighbours at more than 3 degrees are the sides of a tip or a notch, and do not count. Other pairs that do
-    not count are coplanar parts that meet in a point, and triangles too low for a normal in single precision. Members
-    count as walls, too."""
+    """Return the thinnest wall and the smallest gap of a closed mesh V (n, 3) metres, F (m, 3) oriented outwards.
+    Members count as walls, too.
+    Four rays start on each face, at its centre and near its corners: inwards for walls, outwards for gaps. A hit counts
+    if the two faces are parallel within 20 degrees. The distance is that from the plane of the hit face, which is exact
+    between flat faces. Three kinds of pairs do not count: neighbours at more than 3 degrees, which are sides of a tip
+    or a notch; coplanar parts that meet in a point; and triangles too low for a normal in single precision."""
     N, has_normal = _normals(V, F)
     face = np.flatnonzero(has_normal)
     corners = V[F[face]]
@@ -199,19 +197,19 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
 
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
-"""Probable unit of a file by its apparent scale, if the file was read in millimetres."""
+"""Probable unit of a file that was read in millimetres, by its size divided by the size of the design."""
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
     """Distances (m) between a file's solid and a design; each has its place (3,).
-    skin      : largest distance of the file's top and bottom from their exact place beside the sheet, and the mean
-                (`skin_mean`). Thickness that the design removed in tight bends counts; feet and other extras do not.
+    skin      : largest distance of the file's top and bottom from their exact place, and the mean (`skin_mean`).
+                Thickness that the design removed in tight bends counts; feet and other extras do not.
     to_design : largest distance from the file's surface to the design's solid: additional material or a shift.
     from_design : largest distance from the design's solid to the file's surface: missing parts or a shift.
-    beyond    : largest excess of both distances over the allowance, below 0 if all are within the allowance.
+    beyond    : largest excess of both distances over the allowance; below 0 without excess.
     allowed   : allowance at the place of `beyond`.
-    scale     : diagonal of the file's box over that of the design."""
+    scale     : diagonal of the file's bounding box divided by that of the design."""
 
     skin: float
     skin_place: Floats
@@ -230,19 +228,19 @@ class Distance:
 
     @property
     def largest(self) -> float:
-        """Larger of the two distances to the design's solid, metres."""
+        """Larger of `to_design` and `from_design`, metres."""
         return max(self.to_design, self.from_design)
 
     @property
     def meant_unit(self) -> str | None:
-        """Probable unit of the file's numbers if `scale` is that of a mistaken unit, within 2 %; else None."""
+        """Probable unit of the file's numbers if `scale` fits a mistaken unit within 2 %; else None."""
         return next((unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02), None)
 
 
 @dataclass(frozen=True, eq=False)
 class Allowance:
-    """Distance that is allowed between a file's solid and a design's solid.
-    flat   : metres, everywhere.     limits : additional limits on curved faces; None for a file without them."""
+    """Allowed distance between a file's solid and a design's solid.
+    flat   : metres, everywhere.     limits : additional limits on curved faces; None without curved faces."""
 
     flat: float
     limits: SmoothLimits | None = None
@@ -250,22 +248,21 @@ class Allowance:
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
         """Return the allowance of a file. Triangles of STL and 3MF are exact; planar faces of STEP may be simplified.
-        Curved faces may differ by the chord error of the design's mesh, and their triangles by the file's `deflection`.
-        """
+        Curved faces may differ by the chord error of the design's mesh, and their triangles by `deflection`."""
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)
         if not contents.deflection:
             return cls(step_tolerance or SIMPLIFIED_OFF_SURFACE * flat)
         try:
-            curved = curved_design(design)  # its surface may have cuts
+            curved = curved_design(design)
             limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * step_tolerance)
-        except ExportError:  # the design has planar faces only
+        except ExportError:  # the design has no smooth sheet
             limits = None
         return cls(flat + contents.deflection, limits)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the allowance (k,) in metres at points (k, 3)."""
+        """Return the allowance (k,), metres, at points (k, 3)."""
         flat = np.full(len(points), self.flat)
         if self.limits is None:
             return flat
@@ -283,7 +280,7 @@ def deflection_for(preset: Preset) -> float:
 
 
 def distance(contents: FileContents, design: Design) -> Distance:
-    """Measure the distance between a file and a design at vertices and centres of faces, in both directions."""
+    """Measure the distance between a file and a design, in both directions, at vertices and centres of faces."""
     V, F, allowed = contents.V, contents.F, Allowance.from_design(contents, design)
     to, to_place, to_excess = _farthest(V, F, design.solid.V, design.solid.F, allowed)
     back, back_place, back_excess = _farthest(design.solid.V, design.solid.F, V, F, allowed)
@@ -298,7 +295,7 @@ def _farthest(
     P = np.concatenate([V, V[F].mean(axis=1)])
     offsets = nearest_places(P, onto_V, onto_F).distance
     k = int(offsets.argmax())
-    candidates = np.flatnonzero(offsets > allowed.flat)  # only for these points the chord error must be known
+    candidates = np.flatnonzero(offsets > allowed.flat)  # only these need the chord error
     candidates = candidates if len(candidates) else np.array([k])
     permitted = allowed.at_points(P[candidates])
     worst = int((offsets[candidates] - permitted).argmax())
@@ -313,7 +310,7 @@ def _skin_offsets(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, fl
     projection = nearest_places(P, sheet.V, sheet.F)
     distances, face = projection.distance, projection.simplex
     along = np.abs(np.einsum("mi,mi->m", cross, sheet.normals[face]))
-    skin = (twice > 0) & (along > 0.9 * twice)  # other faces are walls
+    skin = (twice > 0) & (along > 0.9 * twice)  # all other faces are walls
     half = design.preset.statics.thickness / 2
     shift = abs(SHIFT[design.preset.thickening.side])
     differences = np.abs(distances[:, None] - np.array([half * (1 - shift), half * (1 + shift)])).min(axis=1)

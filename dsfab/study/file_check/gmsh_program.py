@@ -1,9 +1,9 @@
-"""Program that fills a closed triangle mesh with tetrahedra by gmsh, in its own process because gmsh may crash.
+"""Program that fills a closed triangle mesh with tetrahedra by gmsh, in a separate process because gmsh may crash.
 
     python -P gmsh_program.py IN.npz OUT.npz
 
-IN holds V (n, 3) and F (m, 3), or `step`, a path; and `edge`, the longest edge. OUT gets X (p, 3) and T (k, 4). The
-program imports nothing from dsfab. gmsh is GPL-2 or later; dsfab exchanges only these files with gmsh."""
+IN contains V (n, 3) and F (m, 3), or the path `step`; and `edge`, the longest edge. OUT gets X (p, 3) and T (k, 4).
+The program imports nothing from dsfab, because gmsh has the licence GPL-2 or later; they exchange only these files."""
 
 import sys
 from pathlib import Path

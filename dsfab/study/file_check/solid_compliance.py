@@ -27,8 +27,8 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.edge_changes import refined_surface
 from dsfab.thickening.offset_vectors import SHIFT
 
-NEEDED = ("gmsh", "skfem")  # packages of the extra `solid`: gmsh makes meshes (GPL), skfem solid elements (BSD-3)
-STEP = (".step", ".stp")  # suffixes of files that gmsh itself reads
+NEEDED = ("gmsh", "skfem")  # packages of the extra `solid`: meshes (gmsh, GPL) and solid elements (skfem, BSD-3)
+STEP = (".step", ".stp")  # suffixes of files that gmsh reads
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Tetrahedra:
 
 
 def missing_packages() -> str:
-    """Return why no solid model is possible, and how to install the missing packages; '' if nothing is missing."""
+    """Return which packages for a solid model are missing, and how to install them; '' if all are installed."""
     absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     return f'{" and ".join(absent)} not installed; pip install "dsfab[solid]"' if absent else ""
 
@@ -52,9 +52,8 @@ def missing_packages() -> str:
 def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
     """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
 
-    gmsh itself reads STEP files and meshes them again; triangles of other files stay and are halved. Chords of curved
-    faces may change the volume by `CHANGED_VOLUME`. Raises StaticsError if gmsh fails, takes too long, or fills a
-    different volume."""
+    gmsh reads STEP files and meshes their faces; triangles of other files stay, but long edges are halved. Chords of
+    curved faces may change the volume by `CHANGED_VOLUME`. Raises StaticsError if gmsh fails or takes too long."""
     volume = Surface(contents.V, contents.F).volume
     if contents.path.suffix.lower() in STEP:
         X, T = _run_gmsh({"step": str(contents.path.resolve()), "edge": edge})
@@ -94,8 +93,7 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # a point may lie outside its tetrahedron by this barycentric distance: chords replace curved skins
-
+OUTSIDE = 0.25  # largest barycentric distance of a point from its tetrahedron, because chords replace curved skins
 LARGEST = 1_200_000  # limit on the number of unknowns
 
 
@@ -132,14 +130,12 @@ class SolidModel:
         return cKDTree(self.mesh.X[self.mesh.T].mean(axis=1))
 
     def interpolation(self, points: Floats, reach: float) -> csr_array:
-        """Return the matrix (3 k, N) from the unknowns to the displacements of points (k, 3): rows are x, y, z of each
-        point.
-        reach : allowed distance of a point from the solid, metres. Raises StaticsError for a point at a larger
-                distance."""
+        """Return the matrix (3 k, N) from the unknowns to the displacements x, y and z of each of the points (k, 3).
+        reach : largest distance of a point from the solid, metres. Raises StaticsError for points farther away."""
         from skfem import ElementTetP2
 
         tet, local = self._locate(points, reach)
-        phi = np.stack([ElementTetP2().lbasis(local, a)[0] for a in range(10)])  # (10, k) quadratic shape functions
+        phi = np.stack([ElementTetP2().lbasis(local, a)[0] for a in range(10)])  # (10, k)
         k = len(points)
         rows = np.broadcast_to(3 * np.arange(k)[None, None] + np.arange(3)[None, :, None], (10, 3, k))
         columns = self._dofs[:, tet].reshape(10, 3, k)
@@ -148,8 +144,7 @@ class SolidModel:
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
         """Return for each point the tetrahedron (k,) that contains it, and the point's coordinates (3, k) in it.
-        Of the 40 nearest tetrahedra, the best is used: the one that contains the point or is nearest to containing it.
-        """
+        For a point outside of the solid, the best of the 40 nearest tetrahedra is used."""
         candidates = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
         P = self.mesh.X[self.mesh.T[candidates]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
@@ -169,7 +164,7 @@ class SolidModel:
 
 
 def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
-    """Return the stiffness, and the unknowns (30, k) of k tetrahedra. `at_once` limits the memory, to about 150 MB."""
+    """Return the stiffness, and the unknowns (30, k) of k tetrahedra. at_once : limit for about 150 MB of memory."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -177,7 +172,7 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
     K: csr_array | None = None
     for start in range(0, tets.t.shape[1], at_once):
         part = np.arange(start, min(start + at_once, tets.t.shape[1]))
-        basis = Basis(tets, element, elements=part, intorder=2)  # order 2 is exact, because strains are linear
+        basis = Basis(tets, element, elements=part, intorder=2)  # exact for linear strains
         added = csr_array(form.assemble(basis))
         K = added if K is None else csr_array(K + added)
         dofs = basis.dofs.element_dofs
@@ -188,8 +183,8 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """Springs that support a model. Each resists one combination of the unknowns.
-    rows : (r, N) coefficients of each combination.     stiffness : (r,) N/m; a rigid support is a very stiff spring."""
+    """Springs that support a model; each spring resists a linear combination of the unknowns.
+    rows : (r, N) coefficients of each combination.     stiffness : (r,) N/m; very large for a rigid support."""
 
     rows: csr_array
     stiffness: Floats
@@ -212,13 +207,10 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
 
 
 EDGE = 1.0
-"""Longest edge on the solid's surface, in thicknesses, but at least `COARSE` of the solid's size. On members two
-thicknesses wide, edges of two thicknesses gave compliances that were 2.5 to 5 % too small."""
-
-COARSE = 1 / 100  # see `EDGE`; shorter edges on thin sheets would need millions of tetrahedra
-
-RIGID = 1e3  # stiffness of a rigid support's spring, over Young's modulus times the thickness
-
+"""Longest edge on the solid's surface, divided by the thickness. With edges of two thicknesses, compliances of members
+two thicknesses wide were 2.5 to 5 % too small."""
+COARSE = 1 / 100  # least edge divided by the solid's size, because finer meshes have millions of tetrahedra
+RIGID = 1e3  # stiffness of a rigid support's spring, divided by Young's modulus times the thickness
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 """Heights of Gauss points above the middle, in half thicknesses, and their weights."""
 
@@ -238,13 +230,13 @@ class SolidCompliance:
 
     @property
     def ratio(self) -> float:
-        """Compliance of the solid over that of the shell: above 1 the file is softer than the sheet."""
+        """Compliance of the solid divided by that of the shell: above 1 the file is softer than the sheet."""
         return self.solid / self.shell
 
 
 def compared_compliance(contents: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
     """Compare the sound solid in a file with the sheet of its design.
-    edge : longest edge on the surface of the solid model, metres; default: one thickness, or a hundredth of the size.
+    edge : longest edge on the surface of the solid model, metres; default: see `EDGE` and `COARSE`.
 
     Loads and supports are those of the cut sheet. They act at its vertices and at points along its held edges, on the
     mean displacement through the thickness, as on a shell. Sheets that are loaded in their plane stay in this plane.
@@ -277,14 +269,14 @@ class SupportPoints:
     shift: int
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
-        """Return the matrix (3 k, N) from the unknowns to displacements of places (k, 3) of the sheet: means of three
-        Gauss points through the thickness. They are symmetric about the middle, so a force on them has no moment."""
+        """Return the matrix (3 k, N) from the unknowns to the mean displacements through the thickness at k places.
+        Three Gauss points are symmetric about the middle, so a force on the mean has no moment."""
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
         """Return the matrix (r, N) from the unknowns to rotations at `samples` of the marked edges.
-        A rotation is the displacement, square to the edge, of the upper Gauss point relative to the lower one."""
+        A rotation is the displacement, across the edge, of the upper Gauss point relative to the lower one."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -296,8 +288,7 @@ class SupportPoints:
 
     def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
         """Return places (k, 3) on marked edges, the normals of the faces there, and the edges' vectors.
-        Places are at most half a thickness apart. With fewer fixed places the line would give way, unlike a line of a
-        shell."""
+        Places are at most half a thickness apart; with a larger distance, the solid would yield between them."""
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)
@@ -322,7 +313,7 @@ def _holding(points: SupportPoints, interpolation: csr_array, loads: Mapping[str
     stiffness = np.where(fixed, rigid, load.spring).ravel()
     held_unknowns = np.flatnonzero(stiffness)
     rows, strength = [interpolation[held_unknowns]], [stiffness[held_unknowns]]
-    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # for each group of edges with equal held directions
+    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # each combination of held directions
         places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
         rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
     if load.clamped.any() and axis is None:

@@ -1,9 +1,9 @@
 """Parameter sweeps: many designs of one preset, in memory (`sweep`) or in a folder that survives interruptions.
 
-plan        sweep files: values, constraints, and their strict checks
+plan        sweep files: values, constraints, and strict checks
 metrics     quantities that a sweep can measure
-runs        points, one database per folder, and the optimiser
-workers     processes of this machine, or a Dask cluster
+runs        points, the database of a folder, and the optimiser
+workers     processes on this machine, or a Dask cluster
 scheduler   gives runs to workers
 folder      writes all results"""
 
@@ -24,7 +24,7 @@ __all__ = ["BASIC", "METRICS", "Run", "sweep"]
 
 @dataclass(frozen=True)
 class Run:
-    """One design of a sweep: its changes and metrics, or the error that stopped it."""
+    """A design of a sweep: its changes and metrics, or the error that stopped it."""
 
     changes: Mapping[str, Any]
     metrics: Mapping[str, float]
@@ -43,7 +43,7 @@ def sweep(
     keep    : receives the changes and the Design of each successful run, e.g. to write files.
     Successive runs share stages: a sweep over pattern keys solves statics and modes once. For metrics from `METRICS`,
     only the necessary stages run. A design that cannot be built gives a Run with the error. The command `dsfab sweep`
-    runs a sweep in a folder, with many processes; it can continue after a stop.
+    runs a sweep in a folder with many processes, and can continue after a stop.
     Raises PresetError for invalid keys, metrics or values, before anything is built."""
     measured = _metrics(metrics)
     listed = list(combinations(vary))

@@ -1,4 +1,4 @@
-"""The folder of a sweep: its lock, its files, and tables of results with the best runs and the Pareto front."""
+"""The folder of a sweep: its lock and files, and tables of results with the best runs and the Pareto front."""
 
 import csv
 import json
@@ -29,9 +29,8 @@ NAME = "coordinator.lock"
 
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
-    """Lock a sweep folder, so that a single process coordinates the sweep. The lock is an SQLite file, which the system
-    unlocks when the process ends. A text file beside the lock names the process. Raises DsfabError while another
-    process holds the lock."""
+    """Lock a sweep folder, so that one process coordinates the sweep. The lock is an SQLite file, which the system
+    unlocks when the process ends. A text file beside it names the process. Raises DsfabError for a locked folder."""
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
     try:
@@ -59,9 +58,7 @@ def _held_by(holder: Path) -> str:
         return "another dsfab"
 
 
-CSV, PARQUET = "results.csv", "results.parquet"
-
-PICTURES = "pictures"  # folder of the pictures
+CSV, PARQUET, PICTURES = "results.csv", "results.parquet", "pictures"
 
 
 def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
@@ -70,7 +67,7 @@ def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
 
 
 def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
-    """Return the feasible runs with this metric, best first; `ABOUT` says whether more or less is better."""
+    """Return the feasible runs with this metric, best first; `ABOUT` defines whether more or less is better."""
     sign = -1 if ABOUT[metric].better == "more" else 1
     usable = [row for row in rows if feasible(row, limits) and isfinite(row.metrics.get(metric, float("nan")))]
     return sorted(usable, key=lambda row: (sign * row.metrics[metric], row.number))
@@ -79,13 +76,13 @@ def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ())
 def pareto(
     rows: Iterable[RunRow], first_metric: str, second_metric: str, limits: Sequence[Constraint] = ()
 ) -> list[RunRow]:
-    """Return the Pareto front of the feasible runs in two metrics. The best run in `first_metric` comes first."""
+    """Return the Pareto front of the feasible runs in two metrics; the best run in `first_metric` comes first."""
     front: list[RunRow] = []
     sign = -1 if ABOUT[second_metric].better == "more" else 1
     usable = [row for row in best(rows, first_metric, limits) if isfinite(row.metrics.get(second_metric, float("nan")))]
     first_sign = -1 if ABOUT[first_metric].better == "more" else 1
 
-    def rank(row: RunRow) -> tuple[float, float, int]:  # the second metric decides between equal runs
+    def rank(row: RunRow) -> tuple[float, float, int]:
         return first_sign * row.metrics[first_metric], sign * row.metrics[second_metric], row.number
 
     for row in sorted(usable, key=rank):
@@ -100,7 +97,7 @@ def picture_of(row: RunRow) -> str:
 
 
 def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Constraint]) -> list[dict[str, Any]]:
-    """Return a record of each run; its keys `in:KEY`, `out:METRIC` and `img` suit the program Design Explorer."""
+    """Return a record of each run, with the keys `in:KEY`, `out:METRIC` and `img` for the program Design Explorer."""
     keys = list(dict.fromkeys(key for row in rows for key in row.changes))
     return [
         {
@@ -154,16 +151,14 @@ def _column(values: list[Any]) -> list[Any]:
 
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
-
-HARMLESS = {"constraints"}  # keys of a plan that do not affect the runs; they may change at any time
-
-RENEWING = {"metrics", "keep", "formats", "size", "view"}  # if one of these keys has changed, --extend repeats all runs
+HARMLESS = {"constraints"}  # keys of a plan that may always change, because runs do not depend on them
+RENEWING = {"metrics", "keep", "formats", "size", "view"}  # keys of a plan whose change repeats all runs (--extend)
 TRIED_AGAIN: tuple[State, ...] = ("killed",)  # states of runs that a new session repeats by default
 
 
 @dataclass(frozen=True)
 class SweepFolder:
-    """An existing sweep: its folder, its plan with resolved paths, and the preset that all runs start from."""
+    """An existing sweep: its folder, its plan with resolved paths, and the base preset of all runs."""
 
     path: Path
     plan: Plan
@@ -171,14 +166,14 @@ class SweepFolder:
 
     @classmethod
     def from_folder(cls, path: Path) -> "SweepFolder":
-        """Return the sweep in a folder. Raises DsfabError if the folder holds no sweep."""
+        """Return the sweep in a folder. Raises DsfabError if the folder contains no sweep."""
         if not (path / SWEEP).is_file():
             raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give a sweep's folder or a sweep file")
         plan = load_plan(path / SWEEP)
         return cls(path, plan, base_preset(plan))
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
-        """Return the input of all runs. ship_mesh : include the mesh file, for workers that cannot read it."""
+        """Return the input of all runs. ship_mesh : True to include the mesh file, for workers that cannot read it."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
@@ -186,7 +181,6 @@ class SweepFolder:
         return Job(token, values, plan.measured_metrics, plan.keep, plan.formats, draw, mesh)
 
     def rows(self) -> list[RunRow]:
-        """Return all runs."""
         with Store.open(self.path) as store:
             return store.rows()
 
@@ -264,11 +258,11 @@ def checked_plan(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
 def prepare(
     plan: Plan, folder: Path, extend: bool = False, checked: tuple[Preset, list[dict[str, Any]]] | None = None
 ) -> SweepFolder:
-    """Create or update the folder of a plan and record its runs; call it inside `only_coordinator`.
+    """Create or update the folder of a plan and record its runs; call this function inside `only_coordinator`.
     checked : result of `checked_plan`, if the caller has it.
     extend  : whether a changed plan may add runs to the recorded runs; if False, a changed plan raises DsfabError. If
               metrics or kept files change, all runs are repeated.
-    Invalid keys and values raise PresetError."""
+    Raises PresetError for invalid keys and values."""
     preset, runs = checked_plan(plan) if checked is None else checked
     settled = _portable_plan(plan, runs)
     texts = {"plan": plan_toml(settled), "preset": preset_toml(preset)}

@@ -1,4 +1,4 @@
-"""Metrics of a sweep: the quantities that can be measured on a design, and the stages that they need."""
+"""Metrics of a sweep: quantities of a design, and the stages that each quantity needs."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
@@ -31,8 +31,8 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return the cut sheet's equilibrium under each load that its pattern follows, by the load's name. The design
-    stores the result. Raises StaticsError if the sheet does not carry its loads."""
+    """Return the cut sheet's equilibrium under each followed load, by name of the load. The design stores the result.
+    Raises StaticsError if the sheet does not carry its loads."""
 
     def solve() -> dict[str, Equilibrium]:
         return solve_for(design.preset.statics.sheet().model_for(design.sheet.surface), design.cut_loads, use)
@@ -52,8 +52,7 @@ def verdict(design: Design) -> Verdict:
 
 
 Metric = Callable[[Design], float]
-
-NARROWEST = 0.1  # `min_width` omits the narrowest tenth of the area, because modes have no slope at singular points
+NARROWEST = 0.1  # share of the area that `min_width` omits, because modes have no slope at singular points
 
 
 def _loose(design: Design) -> float:
@@ -63,8 +62,8 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the stripe width that 90 % of the stripes' area exceeds. A width is 2 d / |grad z|: z is the field of the
-    stripes, and d the half width in units of z."""
+    """Return the stripe width that 90 % of the stripes' area exceeds. A width is 2 d / |grad z| with the field z of the
+    stripes and the half width d in units of z."""
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)
@@ -90,11 +89,7 @@ def _slopes(design: Design, z: Floats) -> Floats:
 
 
 def _lower_share(values: Floats, weights: Floats, share: float) -> float:
-    if not weights.sum() > 0:
-        return float("inf")
-    order = np.argsort(values)
-    place = np.searchsorted(np.cumsum(weights[order]), share * weights.sum())
-    return float(values[order][place])
+    return quantile(values, weights, share) if weights.sum() > 0 else float("inf")
 
 
 def _quality(design: Design) -> PatternQuality:
@@ -133,7 +128,7 @@ def _stress(design: Design) -> float:
 
 
 def _ersatz(design: Design) -> float:
-    """Return the compliance of the uncut surface, with each face's stiffness scaled by its share of material."""
+    """Return the compliance of the uncut surface; the stiffness of each face is scaled by its share of material."""
     surface = design.surface
     share = np.bincount(design.sheet.parent, design.sheet.surface.areas, surface.m) / surface.areas
     loads = [load.on_share(surface, share) for load in design.statics.loads(design.preset.followed_weights).values()]
@@ -186,16 +181,15 @@ METRICS: dict[str, Metric] = {
     "over_thinner": lambda design: _ratio_to_alternative(design, "thinner"),
     "over_isotropic": lambda design: _ratio_to_alternative(design, "isotropic"),
 }
-"""Metrics of a sweep in SI units: functions of a Design; `ABOUT` describes their accuracy."""
-
+"""Metrics of a sweep in SI units, as functions of a Design; `ABOUT` describes their accuracy."""
 BASIC = ("area", "kept_share", "volume", "mass", "pieces", "genus", "compliance_uncut")
-"""Default metrics of `dsfab.sweep`; they need no additional solve."""
+"""Default metrics of `dsfab.sweep`, which need no further solve."""
 
 Better = Literal["less", "more", ""]
 
 
 class MetricFacts(NamedTuple):
-    """Unit of a metric, whether less or more is better, the stage that the metric needs, and its description."""
+    """Unit of a metric, whether less or more is better, the stage that the metric needs, and a description."""
 
     unit: str
     better: Better

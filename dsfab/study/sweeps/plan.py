@@ -34,7 +34,7 @@ class Range(BaseModel):
     count: Annotated[int, Ge(1)] | None = None
     """Number of values in a full grid."""
     log: bool = False
-    """Whether values differ by equal factors instead of equal steps."""
+    """True for values that differ by equal factors, False for equal steps."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -45,7 +45,7 @@ class Range(BaseModel):
         return self
 
     def value_at(self, u: float) -> int | float:
-        """Return the value at position u of the range, 0 to 1; each whole number has an equal share of 0..1."""
+        """Return the value at position u of the range, 0 to 1; whole numbers have equal shares of 0..1."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._interpolate(u)
@@ -71,7 +71,7 @@ class Range(BaseModel):
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis of the design space: keys that change together, through a range or through rows of values."""
+    """An axis of the design space: keys that change together, in a range or in rows of values."""
 
     keys: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...] = ()
@@ -83,7 +83,7 @@ class Axis:
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def changes_at(self, u: float) -> dict[str, Any]:
-        """Return the changes at position u of the axis, 0 to 1; each row has an equal share of 0..1."""
+        """Return the changes at position u of the axis, 0 to 1; rows have equal shares of 0..1."""
         if self.span is not None:
             return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
@@ -100,7 +100,7 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as dotted keys. Three kinds of tables stay as values: ranges, which have the key `from`;
+    """Return nested tables as dotted keys. Three kinds of tables stay values: ranges, which have the key `from`;
     empty tables; and tables below a quoted dotted key, as after --set."""
     entries: dict[str, Any] = {}
     for key, value in table.items():
@@ -112,7 +112,7 @@ def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def number(text: str) -> int | float:
-    """Return '5' as 5 and '5.0' as 5.0. Raises ValueError for text that is not a finite number."""
+    """Return the number of a text: '5' as int, '5.0' as float. Raises ValueError without a finite number."""
     value: int | float = int(text) if text.strip().lstrip("+-").isdigit() else float(text)
     if not isfinite(value):
         raise ValueError(text)
@@ -123,7 +123,7 @@ _FORM = re.compile(r"^\s*([a-z_]+)\s*(<=|>=|==|!=|=|<|>)\s*([-+0-9.eE]+)\s*([a-z
 
 
 def _equal(value: float, limit: float) -> bool:
-    return abs(value - limit) <= 1e-3 * abs(limit)  # 0.4003 counts as equal to 0.4
+    return abs(value - limit) <= 1e-3 * abs(limit)
 
 
 _HOLDS: dict[str, Callable[[float, float], bool]] = {
@@ -164,12 +164,12 @@ class Constraint:
         return cls(name, sign, limit)
 
     def holds(self, values: Mapping[str, float]) -> bool:
-        """Return True if measured values meet the constraint; a missing metric does not meet it."""
+        """Return True if the measured values meet the constraint; False without the metric."""
         value = values.get(self.metric, float("nan"))
         return not isnan(value) and _HOLDS[self.sign](value, self.limit)
 
     def missed_by(self, values: Mapping[str, float]) -> float:
-        """Return the distance from the limit, relative to it: 0 if the constraint holds, inf without the metric."""
+        """Return the relative distance from the limit: 0 if the constraint holds, inf without the metric."""
         value = values.get(self.metric, float("nan"))
         if isnan(value):
             return float("inf")
@@ -186,12 +186,11 @@ def _kind_of_values(values: Any) -> str:
 
 
 Values = Annotated[Annotated[Range, Tag("range")] | Annotated[Listed, Tag("list")], Discriminator(_kind_of_values)]
-
 USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # default metrics of `dsfab sweep`
 
 
 class Search(BaseModel):
-    """Section [search]: the metric to minimise or maximise, in place of a sampling."""
+    """Section [search]: the metric that a search minimises or maximises, in place of a sampling."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -220,21 +219,21 @@ class Plan(BaseModel):
     linked: tuple[dict[str, Listed], ...] = ()
     """Tables of keys whose values change together: lists of equal length."""
     sampling: Annotated[str, Field(pattern=r"^(grid|sobol:[1-9]\d*|lhs:[1-9]\d*|csv:.+)$")] = "grid"
-    """grid: all combinations; sobol:N or lhs:N: N points; csv:FILE: one run for each row."""
+    """grid: all combinations; sobol:N or lhs:N: N points; csv:FILE: a run for each row."""
     seed: Annotated[int, Ge(0), Le(2**31)] = 0
-    """Seed of sobol, lhs and search: the same seed gives the same points."""
+    """Seed of sobol, lhs and search; equal seeds give equal points."""
     metrics: Annotated[tuple[str, ...], MinLen(1)] = USUAL
     """Metrics, in SI units."""
     constraints: tuple[str, ...] = ()
-    """Conditions such as "pieces == 1"; runs that do not meet them are shown, but are not among the best."""
+    """Conditions such as "pieces == 1"; runs that miss a condition are listed, but not among the best runs."""
     keep: tuple[Kept, ...] = ("picture",)
-    """Files that are kept of each run."""
+    """Kinds of files to keep from each run."""
     formats: tuple[Format, ...] = ("stl",)
-    """File formats of the solids that are kept."""
+    """File formats of kept solids."""
     size: Annotated[str, Field(pattern=r"^[1-9]\d{1,3}x[1-9]\d{1,3}$")] = "480x360"
-    """Pixels of the pictures."""
+    """Size of the pictures in pixels."""
     view: str = "iso"
-    """Side of the pictures: iso, top, front, side, or azimuth,elevation in degrees."""
+    """View of the pictures: iso, top, front, side, or azimuth,elevation in degrees."""
     search: Search | None = None
 
     @field_validator("set", "vary", mode="before")
@@ -296,17 +295,15 @@ class Plan(BaseModel):
 
     @property
     def axes(self) -> list[Axis]:
-        """Axes of the varied keys."""
         return axes(self.vary, self.linked)
 
     @property
     def limits(self) -> list[Constraint]:
-        """Constraints of the plan."""
         return [Constraint.from_text(text) for text in self.constraints]
 
     @property
     def measured_metrics(self) -> tuple[str, ...]:
-        """Metrics of the plan, of its constraints and of its search."""
+        """Metrics of the plan, with those of its constraints and of its search."""
         names = [*self.metrics, *(limit.metric for limit in self.limits)]
         return tuple(dict.fromkeys(names + ([self.search.metric] if self.search else [])))
 
@@ -325,12 +322,12 @@ def _check_text(check: Any, text: str) -> None:
 
 
 def load_plan(path: Path) -> Plan:
-    """Return the plan of a sweep file, with paths relative to its folder. Raises PresetError with all mistakes."""
+    """Return the plan of a sweep file, with paths relative to the file. Raises PresetError with all mistakes."""
     return plan_from(read_plan(path), f"sweep {path.name}")
 
 
 def read_plan(path: Path) -> dict[str, Any]:
-    """Return the unchecked tables of a sweep file, with paths relative to its folder. Raises PresetError."""
+    """Return the unchecked tables of a sweep file, with paths relative to the file. Raises PresetError."""
     return _from_folder(read_toml(path, "sweep"), path.absolute().parent)
 
 
@@ -345,7 +342,7 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 def plan_toml(plan: Plan) -> str:
     """Return the complete plan, with defaults, as TOML. Varied keys keep their order, because samples and run numbers
-    depend on it. Each range is one line, because tomli_w would put tables behind lists."""
+    depend on it. Each range is one line, because tomli_w would write a table for each range."""
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
     lines = [_line(key, value) for key, value in vary.items()]
@@ -360,7 +357,7 @@ def _line(key: str, value: Any) -> str:
 
 
 def base_preset(plan: Plan) -> Preset:
-    """Return the preset that all runs of a plan start from. Raises PresetError if the preset is invalid."""
+    """Return the base preset of all runs of a plan. Raises PresetError if the preset is invalid."""
     preset = load_preset(plan.preset, plan.set, plan.mesh)
     if plan.mesh is None:
         require_mesh(preset)

@@ -1,4 +1,4 @@
-"""Runs of a sweep: the sampled points, their SQLite database, and the optimiser that chooses the next points."""
+"""Runs of a sweep: the sampled points, their SQLite database, and the optimiser that chooses further points."""
 
 import csv
 import hashlib
@@ -25,15 +25,14 @@ from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.plan import Axis, Constraint, Plan
 
 Changes = dict[str, Any]
-
-MOST = 1_000_000  # limit on the number of runs; a grid with more runs is a mistake of the user
+MOST = 1_000_000  # limit on the number of runs
 
 
 def points(plan: Plan) -> list[Changes]:
-    """Return the changes of each run, without repeats. Raises PresetError for more than `MOST` points, and for a CSV
-    file that cannot be read.
-    sobol : scrambled Sobol points. A larger set begins with the points of a smaller one, so a sweep can be extended.
-    lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another number of points gives other points."""
+    """Return the changes of each run, without repetition.
+    sobol : scrambled Sobol points. A larger set begins with the points of a smaller set, so a sweep can be extended.
+    lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another number of points gives other points.
+    Raises PresetError for more than `MOST` points, and for a CSV file that cannot be read."""
     kind, _, rest = plan.sampling.partition(":")
     if kind == "csv":
         runs: Iterator[Changes] = from_csv(Path(rest))
@@ -45,12 +44,12 @@ def points(plan: Plan) -> list[Changes]:
 
 
 def digest(changes: Mapping[str, Any]) -> str:
-    """Return a text that is equal for runs with equal changes."""
+    """Return a text that identifies the changes of a run."""
     return hashlib.sha256(json.dumps(changes, sort_keys=True, default=str).encode()).hexdigest()[:20]
 
 
 def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
-    """Return the changes at the places u (k,) in 0..1 along the k axes."""
+    """Return the changes at the positions u (k,) in 0..1 along the k axes."""
     changes: Changes = {}
     for axis, place in zip(axes, u, strict=True):
         changes.update(axis.changes_at(float(place)))
@@ -70,7 +69,7 @@ def trials(plan: Plan) -> list[Changes]:
 
 
 def check_points(preset: Preset, runs: list[Changes]) -> None:
-    """Raise PresetError for invalid keys and values in the first 5000 runs; the message lists each mistake once."""
+    """Raise PresetError for invalid keys and values in the first 5000 runs; the message states each mistake once."""
     wrong: dict[str, None] = {}
     for changes in runs[:5000]:
         try:
@@ -102,9 +101,9 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """Yield one run for each row of a CSV file, with values written as after --set. Each column is a dotted key. If
-    some columns begin with 'in:', all others are ignored. Raises PresetError for a file that has no rows or cannot be
-    read."""
+    """Yield a run for each row of a CSV file; each column is a dotted key, with values as after --set.
+    If some columns begin with 'in:', all other columns are ignored. Raises PresetError for a file without rows, and for
+    a file that cannot be read."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -120,13 +119,10 @@ def from_csv(path: Path) -> Iterator[Changes]:
 
 
 NAME, FORMAT = "runs.db", 1
-
 State = Literal["waiting", "running", "done", "failed", "killed"]
 """State of a run. Failed: the design cannot be built. Killed: the system killed the worker; the design may be sound."""
-
 _KILLED_ONCE = "state = 'failed' AND error LIKE 'the worker was killed % times while it made this run%'"
-"""Runs that an older dsfab without the state `killed` recorded as failed."""
-
+"""Condition for killed runs that an older dsfab recorded as failed."""
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE runs (
@@ -139,7 +135,7 @@ CREATE INDEX by_state ON runs (state);
 
 @dataclass(frozen=True)
 class RunRow:
-    """A recorded run. tries : number of starts.    lost : number of workers that died in it, over all sessions."""
+    """A recorded run. tries : number of starts.    lost : number of workers that died in it, in all sessions."""
 
     number: int
     changes: Mapping[str, Any]
@@ -153,8 +149,8 @@ class RunRow:
 
 
 class Store:
-    """The database of a sweep folder; use as `with Store.open(folder) as store`. Every method raises DsfabError if the
-    disk is full or the file cannot be used."""
+    """The database of a sweep folder, for `with Store.open(folder) as store`.
+    Every method raises DsfabError if the disk is full or the file cannot be used."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self._path, self._db = path, connection
@@ -229,12 +225,12 @@ class Store:
         return str(rows[0][0]) if rows else None
 
     def describe(self, texts: Mapping[str, str]) -> None:
-        """Record texts about the sweep by key, for `meta`."""
+        """Record texts about the sweep, by key."""
         with self._change() as db:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
 
     def add(self, runs: Sequence[Mapping[str, Any]], texts: Mapping[str, str]) -> int:
-        """Add new runs as waiting, and record texts as `describe` does. Return the number of added runs."""
+        """Add new runs as waiting, and record texts by key. Return the number of added runs."""
         with self._change() as db:
             before = db.total_changes
             number = db.execute("SELECT coalesce(max(number), 0) FROM runs").fetchone()[0]
@@ -268,7 +264,7 @@ class Store:
             db.execute("UPDATE runs SET state = 'waiting', lost = lost + 1 WHERE number = ?", (number,))
 
     def give_up(self, number: int, why: str, files: Sequence[str] = ()) -> None:
-        """Record a run as killed: each of its workers was killed, so this session does not repeat the run."""
+        """Record a run as killed, because all of its workers were killed."""
         with self._change() as db:
             db.execute(
                 "UPDATE runs SET state = 'killed', error = ?, files = ?, ended = ? WHERE number = ?",
@@ -284,7 +280,7 @@ class Store:
         seconds: float = 0.0,
         peak: int = 0,
     ) -> None:
-        """Record the end of a run; the run failed if `error` is not empty."""
+        """Record the end of a run, which failed if `error` is not empty."""
         state, texts = "failed" if error else "done", (json.dumps(metrics), error, json.dumps(list(files)))
         with self._change() as db:
             db.execute(
@@ -298,7 +294,7 @@ class Store:
         return dict(self._read("SELECT state, count(*) FROM runs GROUP BY state"))
 
     def rows(self, state: State | None = None) -> list[RunRow]:
-        """Return all runs by number, or the runs in a state."""
+        """Return all runs, or the runs in a state, by number."""
         where, values = ("WHERE state = ?", (state,)) if state else ("", ())
         columns = "number, changes, state, metrics, error, files, seconds, tries, lost"
         records = self._read(f"SELECT {columns} FROM runs {where} ORDER BY number", values)
@@ -322,15 +318,12 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 
 FEWEST, PER_AXIS = 12, 4
-"""Points of a generation: four for each axis, at least twelve. Their number does not depend on the length of the
-search, so that the user can extend a search."""
-
+"""Points of a generation: at least `FEWEST`, or `PER_AXIS` for each axis. The number does not depend on the length of a
+search, so that a search can be extended."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
-"""Least costs of runs that miss constraints, failed, or were not made: each class is worse than all classes before it.
-Among runs that miss constraints, a smaller miss is better [Deb 2000]."""
-
+"""Least costs of runs that miss constraints, failed, or were not made; a smaller miss costs less [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Function that makes missing runs, and returns all runs by their digest."""
+"""Function that makes missing runs, and returns all runs by digest."""
 
 
 def search(plan: Plan, make: Make) -> None:
@@ -339,8 +332,8 @@ def search(plan: Plan, make: Make) -> None:
 
 
 def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
-    """Return the cost of a run: the logarithm of the metric, negative if more is better. A run that failed or misses a
-    constraint costs `MISSED` or more."""
+    """Return the cost of a run: the logarithm of the metric, with a minus sign if more is better. A run that failed or
+    misses a constraint costs `MISSED` or more."""
     if row is None:
         return NOT_MADE
     value = row.metrics.get(metric, float("nan"))

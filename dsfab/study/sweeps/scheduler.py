@@ -1,4 +1,4 @@
-"""Scheduler of a sweep: the only process that gives runs to workers and records their beginning and end."""
+"""Scheduler of a sweep: the only process that gives runs to workers and records their results."""
 
 import time
 from collections import Counter
@@ -11,14 +11,14 @@ from dsfab.study.sweeps.runs import Store
 from dsfab.study.sweeps.workers import Changes, Outcome, Workers
 from dsfab.study.variations import stage_order
 
-TRIES = 2  # if this many workers die in a run, the session stops trying it; the next session makes it alone
-PATIENCE = 600.0  # seconds without any worker before the scheduler gives up
+TRIES = 2  # number of dead workers after which a run is recorded as killed; the next session makes it alone
+PATIENCE = 600.0  # seconds without workers after which the scheduler stops
 Deliver = Callable[[Outcome, Changes], list[str]]  # writes the files of a run and returns their names
 
 
 @dataclass
 class Progress:
-    """Progress of a sweep: counts of runs by state, and the start time of this session."""
+    """Progress of a sweep: numbers of runs by state, and the start time of this session."""
 
     total: int
     done: int
@@ -31,7 +31,6 @@ class Progress:
 
     @property
     def remaining(self) -> int:
-        """Number of remaining runs."""
         return self.total - self.done - self.failed - self.killed
 
     @property
@@ -53,7 +52,7 @@ def conduct(
     report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
 ) -> None:
-    """Carry out the waiting `runs` (number -> changes) of a store, until each is done, failed or killed.
+    """Carry out the waiting `runs` (changes by number) of a store, until each is done, failed or killed.
     report   : receives the progress before the first run and after each run.
     progress : progress of the whole sweep; by default counted from the recorded runs.
     Raises DsfabError if nothing can be written, or if no worker appears. After an error, unfinished runs are still
@@ -69,7 +68,7 @@ def current_progress(store: Store, total: int | None = None) -> Progress:
 
 
 class Rows:
-    """Queues of waiting runs: one queue for each worker, and one queue of runs that belong to no worker."""
+    """Queues of waiting runs: a queue for each worker, and a queue of free runs for all workers."""
 
     def __init__(self, numbers: Sequence[int], changes: Sequence[Changes]) -> None:
         self._free: list[int] = [numbers[i] for i in stage_order(changes)]
@@ -79,20 +78,19 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return the next run of a worker, or None. A worker with an empty queue takes over the free runs, or half of
-        the longest queue."""
+        """Return the next run of a worker, or None. An empty queue gets the free runs, or half of the longest queue."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()
         return row.pop(0) if row else None
 
     def give_back(self, worker: str, number: int) -> None:
-        """Put back a run that the next free worker must try again."""
+        """Return a run to the front of the free runs."""
         self._free.insert(0, number)
         self.leave(worker)
 
     def leave(self, worker: str) -> None:
-        """Free the runs in the queue of a worker that has gone, so that any worker can take them."""
+        """Free the runs in the queue of a worker that has gone."""
         self._free.extend(self._rows.pop(worker, []))
 
     def _take_share(self) -> list[int]:
@@ -123,7 +121,7 @@ class _Scheduler:
 
     def run(self) -> None:
         self.report(self.progress)
-        tick, alone_since = 0.5, time.monotonic()  # tick : seconds until the next check of the workers
+        tick, alone_since = 0.5, time.monotonic()
         while self.rows or self.busy:
             self._hand_out()
             if self.busy:
@@ -149,7 +147,7 @@ class _Scheduler:
             self.store.start(number, worker)
             try:
                 future = self.crew.submit(worker, number, self.runs[number])
-            except Exception as error:  # the worker was killed at its start, or no process can start now
+            except Exception as error:  # the worker did not start
                 self._worker_died(worker, number, error)
                 continue
             self.busy[future] = (worker, number)
@@ -158,7 +156,7 @@ class _Scheduler:
         worker, number = self.busy.pop(future)
         try:
             outcome = future.result()
-        except Exception as error:  # the worker died; an error of the run itself is part of the outcome
+        except Exception as error:  # the worker died; errors of the run are part of the outcome
             self._worker_died(worker, number, error)
             return
         self.crew.learn(outcome)

@@ -1,4 +1,4 @@
-"""Workers that make the runs of a sweep: processes of this machine, or of a Dask cluster."""
+"""Workers that make the runs of a sweep: processes on this machine, or on a Dask cluster."""
 
 import multiprocessing
 import os
@@ -25,7 +25,7 @@ from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
-"""Function that draws a design as the bytes of a PNG file; `dsfab.app` passes it, because only the app draws."""
+"""Function that draws a design as the bytes of a PNG file; only `dsfab.app` can draw, and passes the function."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Job:
     """Input that all runs of a sweep share, as data that can be sent to workers.
     token   : text that identifies the job.    preset : the base preset as nested tables.
     metrics, keep, formats : see `Plan`.       draw : function that draws a picture, or None.
-    mesh    : content of the preset's mesh file if workers cannot read the file."""
+    mesh    : content of the preset's mesh file, for workers that cannot read the file."""
 
     token: str
     preset: Mapping[str, Any]
@@ -48,7 +48,7 @@ class Job:
 class Outcome:
     """Result of a run: its metrics, its error ('' for success) and log, and files by name.
     seconds : time on the worker.    peak : peak memory of the worker's process, bytes (0 if unknown).
-    killed  : True if the system killed the worker at each attempt; the error then says nothing about the design."""
+    killed  : True if the system killed the worker at each attempt, which says nothing about the design."""
 
     number: int
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -60,14 +60,12 @@ class Outcome:
     killed: bool = False
 
 
-_run_lock = threading.Lock()  # allows one run at a time: neither the solver nor the graphics are thread-safe
-
-_thread_state = threading.local()  # state of each worker thread: the job, its base preset, and the last design
+_run_lock = threading.Lock()  # for one run at a time, because solver and graphics are not thread-safe
+_thread_state = threading.local()  # of each worker thread: the job, its base preset, and the last design
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
-    """Carry out one run and return its outcome. Errors do not raise: the outcome holds them, with all successful
-    metrics."""
+    """Carry out a run and return its outcome, which has all computed metrics, and the error if the run failed."""
     with _run_lock:
         return _run_job(job, number, changes)
 
@@ -81,7 +79,7 @@ def _run_job(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
             doing = name
             try:
                 metrics[name] = metric_value(name, design)
-            except DsfabError as refusal:  # other metrics may succeed
+            except DsfabError as refusal:  # continue with the next metric
                 wrong.append(str(refusal))
         doing = "its files"
         _keep(job, design, files)
@@ -142,7 +140,7 @@ Changes = Mapping[str, Any]
 
 
 class Workers(Protocol):
-    """A set of workers. Each worker makes one run at a time and remembers the stages of its last run."""
+    """A set of workers. Each worker makes one run at a time, and stores the stages of its last run."""
 
     def workers(self) -> Collection[str]:
         """Return the names of present workers."""
@@ -161,7 +159,7 @@ class Workers(Protocol):
 
 
 class OneWorker:
-    """Workers of which only the first works. The others are stopped, so that the first has all of the memory."""
+    """Workers of which only the first works. All others are stopped, so that the first can use the whole memory."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew
@@ -186,13 +184,12 @@ class OneWorker:
 
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables that numerical libraries read at their start. Every worker has one thread, so that results do not depend on
-the number of threads."""
+"""Variables that limit a worker to one thread, because results may depend on the number of threads."""
 
 
 class LocalWorkers:
-    """Processes of this machine. Each worker is a pool of one process, so that a killed worker does not stop the rest.
-    workers : number of workers; default: as many as fit into memory, if each needs as much as the finished runs."""
+    """Processes on this machine. Each worker is a pool of one process, so that a killed worker stops no other worker.
+    workers : number of workers; default: as many as fit into memory, by the peak memory of finished runs."""
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
         self._job, self._asked = job, workers
@@ -209,11 +206,11 @@ class LocalWorkers:
             return self._asked
         if not self._peak:
             return 1
-        # workers may fill 80 % of the memory that was free at the start
+        # workers may use 80 % of the memory that was free at the start
         return max(1, min(cores(), int(0.8 * self._free / self._peak) if self._free else cores()))
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """Start a run on a worker; start the worker first if it is missing."""
+        """Start a run on a worker; start the worker first if necessary."""
         for _ in range(2):
             if worker not in self._pools:
                 self._begin(worker)
@@ -235,7 +232,7 @@ class LocalWorkers:
             self._pids[worker] = future.result()
 
     def lost(self, worker: str) -> str:
-        """End a worker. Return a reason if memory was low and the system killed a process since the last call."""
+        """End a worker. Return a reason if the system has killed a process for lack of memory since the last call."""
         self._pids.pop(worker, None)
         pool = self._pools.pop(worker, None)
         if pool is None:
@@ -257,7 +254,7 @@ class LocalWorkers:
 
 @contextmanager
 def quiet_start() -> Iterator[None]:
-    """Context in which new processes get one thread each and ignore Ctrl-C, because the coordinator handles Ctrl-C."""
+    """Context in which new processes get one thread each, and ignore Ctrl-C, which the coordinator handles."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     in_main_thread = threading.current_thread() is threading.main_thread()
@@ -303,7 +300,7 @@ def free_memory() -> int:
 
 
 def memory_kills() -> int:
-    """Return the number of processes that the system has killed because of low memory, in this container or machine."""
+    """Return how many processes the system has killed for lack of memory, in this container or on this machine."""
     for path in ("/sys/fs/cgroup/memory.events", "/proc/vmstat"):
         with suppress(OSError, ValueError, IndexError, StopIteration):
             lines = Path(path).read_text(encoding="ascii").splitlines()
@@ -311,7 +308,7 @@ def memory_kills() -> int:
     return 0
 
 
-SECONDS = 20  # time limit for a scheduler's answer
+SECONDS = 20  # time limit for the answer of a Dask scheduler
 
 
 class DaskWorkers:
@@ -335,7 +332,7 @@ class DaskWorkers:
 
     def workers(self) -> Collection[str]:
         """Return the addresses of the present workers."""
-        # n_workers=-1 lists all workers; newer versions of Dask list only five by default
+        # newer versions of Dask list only five workers without n_workers=-1
         return list(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
@@ -346,7 +343,7 @@ class DaskWorkers:
         return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
 
     def lost(self, worker: str) -> str:
-        """Forget a worker. Return '', because Dask reports no reason."""
+        """Forget a worker. Return '', because Dask gives no reason."""
         self._executors.pop(worker, None)
         return ""
 
@@ -359,12 +356,11 @@ class DaskWorkers:
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-
 MEMORY = 3e9  # expected memory of one process, bytes
 
 
 def fitting_processes(count: int) -> int:
-    """Return the number of useful processes for `count` items: one for each core that has enough memory."""
+    """Return the number of useful processes for `count` items: one for each core, if memory suffices."""
     free = free_memory()
     return max(1, min(count, cores(), int(free / MEMORY) if free else cores()))
 
@@ -372,7 +368,7 @@ def fitting_processes(count: int) -> int:
 def map_in_processes(
     job: Callable[[Item], Result], items: Sequence[Item], workers: int, work: Callable[[Item], float] | None = None
 ) -> Iterator[Result]:
-    """Yield job(item) for each item in order, from `workers` processes of one thread each. 1 means this process.
+    """Yield job(item) for each item in order, from `workers` processes of one thread each, or from this process (1).
     work : relative duration of an item; the longest items start first, so that all processes end together.
     Raises DsfabError if a process dies. If the caller stops iterating, all processes end."""
     if workers == 1:

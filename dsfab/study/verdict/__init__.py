@@ -1,11 +1,11 @@
 """A calibrated verdict: the compliance of a cut sheet, with a bound that was tested on random designs.
 
 check ─► attached_material                     supported pieces and their loads (verdict.py)
-      ─► Refinement ─► finer, on_mesh ─► level   mesh after mesh (verdict.py, levels.py)
+      ─► Refinement ─► on_mesh ─► level          mesh after mesh (verdict.py, levels.py)
                     ─► estimate                  value and bound (estimates.py)
                     ─► theory_share              extra softness of a solid (levels.py)
       ─► Verdict                                 status and reason (verdict.py)
-mode_intervals ─► mode_level, mesh after mesh ─► mode_estimate      the same for buckling and frequency (modes.py)"""
+mode_intervals ─► mode_level, mesh after mesh ─► mode_estimate      buckling and frequency (modes.py)"""
 
 from dsfab.study.verdict.levels import Level
 from dsfab.study.verdict.modes import ModeIntervals, ModeLevel, mode_intervals

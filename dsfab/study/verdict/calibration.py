@@ -1,4 +1,4 @@
-"""Calibration of the error bound of verdicts: random designs, their table, and the statistics of this table."""
+"""Calibration of the error bound of verdicts: random designs, their table, and statistics of the table."""
 
 import csv
 import io
@@ -30,19 +30,19 @@ from dsfab.study.verdict.levels import (
 )
 from dsfab.study.verdict.verdict import LoadedSurface, attached_material, facet_ratio
 
-TABLE = files("dsfab.study.verdict") / "calibration.csv"  # the table that ships with dsfab
+TABLE = files("dsfab.study.verdict") / "calibration.csv"
 
 
 @dataclass(frozen=True)
 class TrialRow:
     """A random design, solved on two to four meshes.
-    width, share : its width rule, and the share of the surface that is material.
+    width, share : width rule, and share of the surface that is material.
     vertices     : number in the uncut mesh.     triangles : number in the cut mesh.
     per_member, facets : see `Verdict`.
     quick        : compliance (J) with the elements hybrid + hhj on the unrefined cut mesh.
     midedge      : J, with quadratic + midedge, on the first mesh of the verdict.
-    compliance   : J, with quadratic + hhj, on each mesh.    recovery : ZZ error, membrane plus bending, on each mesh.
-    """
+    compliance   : J, with quadratic + hhj, on each mesh.
+    recovery     : ZZ error, membrane plus bending, on each mesh."""
 
     kind: str
     seed: int
@@ -74,7 +74,7 @@ class TrialRow:
 
     @property
     def truth(self) -> float:
-        """Compliance (J), extrapolated at the rate at which the values on all meshes converge."""
+        """Compliance (J), extrapolated with the rate of convergence on all meshes."""
         return estimates.limit_at_own_rate(self.compliance)
 
     @property
@@ -84,12 +84,11 @@ class TrialRow:
 
     @property
     def quick_error(self) -> float:
-        """Signed relative error of the quick level."""
         return self.quick / self.truth - 1
 
     @property
     def is_tested(self) -> bool:
-        """True if a finer mesh than the verdict's was solved, so that the truth is independent of the verdict."""
+        """True if a finer mesh than those of the verdict was solved, which makes the truth independent."""
         return len(self.compliance) > self.levels
 
     @property
@@ -108,7 +107,7 @@ class Summary:
     """Statistics of the tested designs of a table.
     designs, converged : number of designs, and of converged designs.    largest_error : largest error of the verdict.
     inside        : share of designs with an error below the bound.    median_bound : median bound of the verdict.
-    quick_median, quick_most : error of the quick level: its median and its 90 % quantile."""
+    quick_median, quick_most : median and 90 % quantile of the error of the quick level."""
 
     designs: int
     inside: float
@@ -153,7 +152,7 @@ def shipped_table() -> list[TrialRow]:
 
 
 def read_table(text: str) -> list[TrialRow]:
-    """Return the rows of a text that `table_text` wrote."""
+    """Return the rows of a text by `table_text`."""
     rows = []
     for cells in csv.DictReader(io.StringIO(text)):
         values: dict[str, Any] = {
@@ -177,7 +176,7 @@ WIDTHS = ("plain", "constant", "graded")
 
 @dataclass(frozen=True)
 class Kind:
-    """Designs of one surface: a shipped preset, changes to it, and the range of random frequencies."""
+    """Designs of one surface: a shipped preset, changes of it, and a range of random frequencies."""
 
     preset: str
     changes: dict[str, Any]
@@ -213,12 +212,12 @@ KINDS: dict[str, Kind] = {
     "ring": Kind("bob", {"surface.edge": 0.1, "statics.thickness": 0.03, "pattern.keep": 0.08}, (3.0, 6.0)),
 }
 """Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface of genus 1. The sphere has the
-snap value of the shipped table, and not that of its preset."""
+snap value with which the shipped table was made."""
 
 
 def random_design(kind: str, seed: int) -> Design:
-    """Return a design with random stripes, widths and share; equal seeds give equal designs. Raises DsfabError if the
-    design cannot be built."""
+    """Return a design with random stripes, widths and share; equal seeds give equal designs.
+    Raises DsfabError if the design cannot be built."""
     rng, surface_kind = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
     changes: dict[str, Any] = {**surface_kind.changes, "pattern.method": "modes", "pattern.fillet": 0.0}
@@ -233,8 +232,8 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return a random design, solved on up to `count` meshes. A large design gets no fourth mesh if its verdict needs
-    only two. Raises DsfabError if the design cannot be built or does not carry its loads."""
+    """Return a random design, solved on up to `count` meshes. Large designs whose verdict needs only two meshes get no
+    fourth mesh. Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())
@@ -260,7 +259,7 @@ def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
         tuple(mesh_level.compliance[case] for mesh_level in levels),
         tuple(mesh_level.zz_membrane[case] + mesh_level.zz_bending[case] for mesh_level in levels),
     )
-    largest_triangles = 100_000  # largest fourth mesh, because larger ones take too long
+    largest_triangles = 100_000  # limit for the fourth mesh
     if count > 3 and (64 * row.triangles <= largest_triangles or not row.is_tested):
         finest = _solve(setting, next(finer), forces, MAIN_ELEMENTS)
         recovery = finest.zz_membrane[case] + finest.zz_bending[case]
@@ -284,5 +283,5 @@ def calibrate(count: int = 8, report: Callable[[str, int], None] | None = None) 
                 yield trial_row(kind, seed)
                 solved += 1
             except DsfabError:
-                pass  # a design without a result does not test the bound
+                pass
             seed += 1

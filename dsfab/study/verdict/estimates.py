@@ -1,4 +1,4 @@
-"""Estimates from several meshes: compliance with its error bound, and stress away from corners."""
+"""Estimates from several meshes: compliance, buckling and frequency with bounds, and stress away from corners."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,18 +10,15 @@ from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
-EXTRAPOLATION_DIVISOR = 2.0  # divisor d in the value c1 + (c1 - c0) / d from the compliances c0, c1 of two meshes
-
-LEAST_BOUND = 0.003  # smallest bound, because the truth in the calibration table is accurate to 0.1 or 0.2 % only
-
-QUICK_ERRORS = (0.02, 0.05)  # relative error of the quick level: its median and its 90 % quantile
-
-LEAST_EDGES_PER_MEMBER = 4.0  # members narrower than this number of edges of the uncut mesh give a warning
+EXTRAPOLATION_DIVISOR = 2.0  # d in the value c1 + (c1 - c0) / d from the compliances c0, c1 of two meshes
+LEAST_BOUND = 0.003  # smallest bound, because the calibration table itself is accurate to 0.1 or 0.2 % only
+QUICK_ERRORS = (0.02, 0.05)  # median and 90 % quantile of the relative error of the quick level
+LEAST_EDGES_PER_MEMBER = 4.0  # least width of members in edges of the uncut mesh without a warning
 
 
 @dataclass(frozen=True)
 class ComplianceEstimate:
-    """Compliance of a sheet (J). bound : half width of its interval, relative to the value."""
+    """Compliance of a sheet (J). bound : half width of its interval, divided by the value."""
 
     value: float
     bound: float
@@ -29,14 +26,14 @@ class ComplianceEstimate:
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
     """Return the compliance and its bound from the compliances by quadratic + hhj on successive meshes. Each mesh has
-    four times the triangles of the mesh before.
+    four times the triangles of the previous mesh.
     spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. About half of it
-               remains after each refinement. A second solve on finer meshes would add half to the cost.
+               remains after each refinement. Measuring it on finer meshes would add half of the solution time.
     recovery : ZZ error of the finest mesh.
 
     With three meshes, the value is the mean of two extrapolations: with `EXTRAPOLATION_DIVISOR`, and with the ratio of
     the two steps. On the ten designs with a fourth mesh, neither extrapolation alone is better."""
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest factors that calibration.csv allows
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest factors for calibration.csv
     if len(values) < 2:
         # in 19 of 20 designs the error is below 1.7 times the recovery error
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
@@ -49,24 +46,24 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate by the ratio of the last two steps, clipped to `STEP_RATIOS`, or by `EXTRAPOLATION_DIVISOR`."""
+    """Extrapolate with the ratio of the last two steps, clipped to `STEP_RATIOS`, or with `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
     return values[-1] + step / (min(max(before / step, STEP_RATIOS[0]), STEP_RATIOS[1]) - 1)
 
 
-WIDEST_MODE_BOUND = 0.05  # largest relative bound of a mode for which two meshes suffice
-
+WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for which two meshes suffice
 STEP_RATIOS = (1.5, 4.0)
-"""Smallest and largest accepted ratio of successive steps. From mesh to mesh, an eigenvalue's error falls to 1 / 2.1 at
-reentrant corners, and to 1 / 16 on smooth sheets. Steps with a ratio below the smallest do not count as shrinking."""
+"""Smallest and largest ratio of successive steps for an extrapolation. With each mesh, the error of an eigenvalue falls
+to 1 / 2.1 at reentrant corners, and to 1 / 16 on smooth sheets. At a smaller ratio the steps do not shrink."""
 
 
 @dataclass(frozen=True)
 class ModeEstimate:
-    """Lowest load factor, or lowest frequency (Hz). bound : half width of its interval, relative to the value; inf for
-    one mesh. ratio : first step over second step of the value, from mesh to mesh; None for fewer than three meshes."""
+    """Lowest load factor, or lowest frequency (Hz).
+    bound : half width of the interval, divided by the value; inf for one mesh.
+    ratio : first step of the value divided by the second, from mesh to mesh; None for fewer than three meshes."""
 
     value: float
     bound: float
@@ -74,19 +71,19 @@ class ModeEstimate:
 
     @property
     def finite_bound(self) -> float | None:
-        """Bound of the value; None for one mesh."""
+        """The bound; None for one mesh."""
         return self.bound if self.bound < float("inf") else None
 
 
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     """Return value and bound from the lowest eigenvalue on one to three meshes, each with four times the triangles of
-    the mesh before.
+    the previous mesh.
 
     With two meshes, half of the step between them is added to the last value. The bound is the whole step, which covers
     step ratios from 1.7. With three meshes, the value is extrapolated with the ratio of the two steps, clipped to
-    `STEP_RATIOS`. The bound is the extrapolated part. If the two steps have opposite signs, the value is that of the
+    `STEP_RATIOS`; the bound is the extrapolated part. If the two steps have opposite signs, the value is that of the
     finest mesh, and the bound is twice the last step. If steps do not shrink, the bound is twice the larger step. The
-    rule is not calibrated on random designs. It covers only mesh errors: the sheet is thin, perfect in shape, and
+    rule is not calibrated on random designs. It covers mesh errors only: the sheet is thin, perfect in shape, and
     linear until it buckles."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
@@ -103,14 +100,14 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     return ModeEstimate(finest + extension, max(abs(extension) / (finest + extension), LEAST_BOUND), ratio)
 
 
-REENTRANT_ANGLE = np.radians(30)  # least inward turn of the outline at a reentrant corner
+REENTRANT_ANGLE = np.radians(30)  # least inward turn of the border at a reentrant corner
 
 
 @dataclass(frozen=True)
 class Extreme:
     """Largest `value` of a quantity, its `place` (m), and its 99 % quantile by area.
-    away : largest value on faces farther than a rib's width from corners, because stress peaks at corners grow with
-           refinement. None if no face is that far, or for quantities without peaks."""
+    away : largest value farther than a rib's width from corners, where stress peaks grow with refinement; None if no
+           face is so far away, or for quantities without peaks."""
 
     value: float
     place: tuple[float, float, float]
@@ -124,10 +121,8 @@ class Extreme:
 
 
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
-    """Return extremes (Pa) of `stress` (von Mises), `tension` (largest principal) and `compression` (minus the
-    smallest).
-    Each extreme is the largest of both sides and the middle of the sheet, and at least 0. supported : (n,) mask of
-    supported vertices."""
+    """Return extremes (Pa) of `stress` (von Mises), `tension` and `compression` (principal stresses).
+    Each is the largest of both sides and the middle of the sheet, at least 0. supported : (n,) mask of vertices."""
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
         "stress": stress.largest,
@@ -147,28 +142,28 @@ def extreme(surface: Surface, value: Floats, off_corner_faces: Bools | None = No
 
 
 def quantile(value: Floats, weight: Floats, share: float = 0.99) -> float:
-    """Return the weighted quantile of values (k,): a `share` of the weights (k,) belongs to values up to it."""
+    """Return the quantile of values (k,) with weights (k,): `share` of the total weight has smaller or equal values."""
     return weighted_quantile(value, weight, share)
 
 
 def off_corners(surface: Surface, supported: Bools) -> Bools:
-    """Return a mask (m,) of the faces farther than a rib's width from all reentrant corners and ends of supports."""
+    """Return a mask (m,) of faces at over a rib's width from all reentrant corners and ends of supports."""
     corners = np.concatenate([inward_corners(surface), support_ends(surface, supported)])
     if not len(corners):
         return np.ones(surface.m, dtype=bool)
     distances, _ = cKDTree(surface.V[corners]).query(surface.centroids)
-    # a sheet without openings has no ribs, so 5 % of its size limits the distance
+    # at most 5 % of the size, because a sheet without openings has no ribs
     return np.asarray(distances > min(rib_width(surface), 0.05 * surface.size))
 
 
 def rib_width(surface: Surface) -> float:
-    """Return the mean width of the members (m): twice the area over the length of all borders; inf without a border."""
+    """Return the mean width of the members (m): twice the area divided by the length of all borders, or inf."""
     length = float(surface.edge_lengths[surface.edges.boundary].sum())
     return 2 * surface.area / length if length else float("inf")
 
 
 def inward_corners(surface: Surface) -> Ints:
-    """Return the border vertices (c,) with a material angle over 180 degrees plus `REENTRANT_ANGLE`."""
+    """Return the border vertices (c,) at which the angle of the material exceeds 180 degrees by `REENTRANT_ANGLE`."""
     X = surface.V[surface.F]
     ahead, back = np.roll(X, -1, axis=1) - X, np.roll(X, 1, axis=1) - X
     angle = np.arctan2(np.linalg.norm(np.cross(ahead, back), axis=2), (ahead * back).sum(axis=2))
@@ -179,7 +174,7 @@ def inward_corners(surface: Surface) -> Ints:
 
 
 def support_ends(surface: Surface, supported: Bools) -> Ints:
-    """Return (c,) supported border vertices next to an unsupported border vertex."""
+    """Return the supported border vertices (c,) next to an unsupported border vertex."""
     ends = surface.edges.ends[surface.edges.boundary]
     mixed = ends[supported[ends].sum(axis=1) == 1]
     return np.unique(mixed[supported[mixed]])

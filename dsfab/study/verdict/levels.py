@@ -1,4 +1,4 @@
-"""Levels of refinement: finer meshes of a sheet, each solved by two pairs of elements, with their errors."""
+"""Levels of refinement: finer and finer meshes of a sheet, solved by two pairs of elements, with their errors."""
 
 import time
 from collections.abc import Mapping
@@ -44,9 +44,8 @@ class Shares(NamedTuple):
 
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
-    """Return the mesh-independent shares of each load; they sum to the forces of the load.
-    loads : loads on the sheet (`dsfab.design.sheet_loads`). A force inside an uncut face goes to the face's vertices.
-    """
+    """Return the mesh-independent shares of each load on a sheet; their sum is the force of the load.
+    loads : see `dsfab.design.sheet_loads`. The vertices of an uncut face share the forces at points inside the face."""
     areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
     for name, load in loads.items():
@@ -62,12 +61,11 @@ def on_mesh(
     """Return supports and loads on any mesh of a sheet of the uncut surface.
     uncut_loads : supports and loads on the uncut surface.    forces : `shares` of these loads.
 
-    The force of a vertex is spread over the material around it, in proportion to the hat function of the uncut mesh. So
-    a load has the same place and size on every finer mesh. No force acts on a point, because a sheet in its plane has
-    no finite displacement under a point force. A load on a face spreads evenly over the face's material. The sum of all
-    forces is exact."""
+    The force of a vertex spreads over the material around it, in proportion to the hat function of the uncut mesh. So a
+    load has the same place and size on every mesh, and no force acts on a point, which would move a sheet in its plane
+    infinitely far. A load on a face spreads evenly over the face's material. The sum of all forces is exact."""
     F, areas = sheet.surface.F, sheet.surface.areas
-    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sums over the corners
+    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sums over corners
     mass = np.asarray(hats.T @ areas)
     material = np.bincount(sheet.parent, areas)
     cases, spreads = {}, {}
@@ -80,11 +78,11 @@ def on_mesh(
     return cases, spreads
 
 
-PARABOLIC_SHEAR = 6 / 5  # energy factor of shear stress that is a parabola over the thickness [Reissner 1945]
+PARABOLIC_SHEAR = 6 / 5  # energy factor of a parabola of shear stress over the thickness [Reissner 1945]
 
 
 class RibSoftening(NamedTuple):
-    """Effects that make a solid softer than a thin sheet, as shares of the thin sheet's compliance.
+    """Effects that make a solid softer than a thin sheet, divided by the thin sheet's compliance.
     torsion : growth of the compliance if ribs twist as bars of their own width and thickness (`solve_cases`); inf if
               this second solve fails.
     shear   : energy of transverse shear, 6 q^2 / (5 G h) per square metre. The shear force q is averaged over faces
@@ -126,8 +124,8 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """Return the matrix (m, m) that averages vectors of faces by area within `reach` metres. A vector of a face with
-    opposite normal changes its sign."""
+    """Return the matrix (m, m) that averages vectors of faces by area within `reach` metres. Vectors of faces with
+    opposite normals change their sign."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -137,42 +135,37 @@ def _means_within(surface: Surface, reach: float) -> csr_array:
 
 
 def theory_share(soft: RibSoftening) -> float:
-    """Return the share by which a solid's compliance may exceed that of a thin sheet.
+    """Return the relative difference by which a solid may be softer than a thin sheet.
 
     The factors cover all solids that CalculiX solved as quadratic wedges: 39 random designs, and 31 designs on other
-    surfaces (`solids.csv`; 8 of these, seed 3, were drawn after the formula). All solids are softer than thin sheets.
-    Torsion and shear follow from mechanics. The bending term covers two further effects: joints of ribs, and shells
-    that are thick for their radius."""
+    surfaces (`solids.csv`; 8 of these, seed 3, are newer than the formula). All solids are softer than thin sheets.
+    Torsion and shear follow from mechanics; the bending term covers joints of ribs and thick shells."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
 """The pair of elements of a verdict, and a second pair whose errors mostly have the opposite sign."""
-
-QUICK_ELEMENTS = elements_of("compliance_once")  # the pair of the quick level, which solves one mesh only
-
+QUICK_ELEMENTS = elements_of("compliance_once")  # for the quick level, which solves one mesh only
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
 }
 """Memory of a solve per unknown, by solver and bending element, measured at 0.3 to 3.3 million unknowns. PARDISO stores
-half of a symmetric factor, and its input is freed before: 1.2 million unknowns take 2.7 GB instead of 4.9 GB."""
+half of a symmetric factor, after its input is freed: 1.2 million unknowns take 2.7 GB instead of 4.9 GB."""
 
 
 @dataclass(frozen=True)
 class Level:
-    """One mesh of a verdict. Its main pair of elements: `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` at the quick level.
+    """One mesh of a verdict. The main pair of elements is `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` at the quick level.
     triangles  : number of triangles.      unknowns : number for the main pair; a plane sheet has no bending unknowns.
     compliance : J, by the main pair, for each case.
     midedge    : J, by `SPREAD_ELEMENTS`, for each case; empty if this pair was not solved.
-    zz_membrane, zz_bending : main pair's squared error of the recovered stress for each case, as a share of the
-                 compliance [Zienkiewicz and Zhu 1987].
+    zz_membrane, zz_bending : squared error of the main pair's recovered stress [Zienkiewicz and Zhu 1987] for each
+                 case, divided by the compliance.
     residual   : largest relative residual of all cases and pairs, in the energy norm (see `Equilibrium`).
-    seconds    : time of both pairs.
-    memory     : bytes, the peak of the process so far.
+    seconds    : time of both pairs.       memory     : bytes, the peak of the process so far.
     stresses   : main pair's stresses for each case, see `stress_extremes`.
-    softer     : main pair's softening for each case, see `RibSoftening`; empty for a plane sheet or if not requested.
-    """
+    softer     : main pair's softening for each case; empty for a plane sheet, or if not requested."""
 
     triangles: int
     unknowns: int
@@ -197,22 +190,22 @@ def level(
 ) -> Level:
     """Solve the sheet on one mesh, under loads on the same supports.
     ribs : whether to add a second solve in which ribs twist as bars, see `RibSoftening`.
-    Raises StaticsError as `equilibria` does."""
+    Raises StaticsError as `equilibria`."""
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
-    answers_by_pair = {}
-    # the pairs differ in bending only, so a plane sheet needs one pair
-    for pair in pairs[:1] if plane else pairs:
+    answers_by_pair, model = {}, material.model_for(surface)
+    for pair in pairs[:1] if plane else pairs:  # in a plane, both pairs are the same
         elements = pair.in_plane if plane else pair
-        K = sheet_stiffness(material.model_for(surface), elements)
+        K = sheet_stiffness(model, elements)
         answers = equilibria(surface, K, list(loads.values()), elements, spreads=list(spreads.values()))
         answers_by_pair[pair] = dict(zip(loads, answers, strict=True))
         del K
     main, solved = pairs[0], answers_by_pair[pairs[0]]
     elements = main.in_plane if plane else main
-    stress = {name: sheet_stress(material.model_for(surface), elements, answer) for name, answer in solved.items()}
+    stress = {name: sheet_stress(model, elements, answer) for name, answer in solved.items()}
     errors = {name: recovery_errors(surface, material, stress[name], answer) for name, answer in solved.items()}
     energies = {pair: {name: x.compliance for name, x in cases.items()} for pair, cases in answers_by_pair.items()}
+    softer = rib_softening(model, elements, loads, spreads, solved, stress) if ribs and not plane else {}
     return Level(
         surface.m,
         elements.unknowns(surface),
@@ -224,16 +217,14 @@ def level(
         time.perf_counter() - start,
         peak_memory(),
         {name: stress_extremes(surface, case_stress, loads[name].supported) for name, case_stress in stress.items()},
-        rib_softening(material.model_for(surface), elements, loads, spreads, solved, stress)
-        if ribs and not plane
-        else {},
+        softer,
     )
 
 
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the squared energy errors of membrane and bending, relative to the compliance. An error is the difference
+    """Return the squared energy errors of membrane and bending, divided by the compliance. An error is the difference
     between the stress and its average around vertices [Zienkiewicz and Zhu 1987]; 0 for elements of constant stress."""
     if answer.compliance <= 0:
         return 0.0, 0.0
@@ -245,12 +236,12 @@ def recovery_errors(
 
 
 def _energy_norm(surface: Surface, difference: Floats, matrix: Floats) -> float:
-    """Return the integral of d . matrix . d, for `difference` d (m, 3 corners, 3) linear on each face."""
+    """Return the integral of d . matrix . d, for `difference` d (m, 3 corners, 3), linear on each face."""
     weighted = difference @ matrix
     sums = np.einsum("mi,mi->m", difference.sum(axis=1), weighted.sum(axis=1))
     return float((np.einsum("mci,mci->m", difference, weighted) + sums) @ surface.areas / 12)
 
 
 def memory_needed(unknowns: int, bending: str | None, solver: str) -> int:
-    """Estimate the bytes of a solve with `unknowns` unknowns by a solver of `dsfab.core.sparse.solver_name`."""
+    """Return the estimated bytes of a solve, by a solver of `dsfab.core.sparse.solver_name`."""
     return int(BYTES_PER_UNKNOWN[solver][bending] * unknowns)

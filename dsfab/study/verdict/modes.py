@@ -29,15 +29,15 @@ from dsfab.study.verdict.levels import memory_needed, on_mesh, shares
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-MODE_ELEMENTS: Elements = elements_of("buckling")  # also for frequencies: both analyses share the stiffness matrix
+MODE_ELEMENTS: Elements = elements_of("buckling")  # also for frequencies, which share the stiffness matrix
 
 
 @dataclass(frozen=True)
 class ModeLevel:
     """Modes on one mesh of `triangles` triangles.
     buckling : lowest buckling factor of each case; None for a case without compression; empty if not requested.
-    hertz    : lowest frequency, None if not requested.
-    local    : by case, a clause if the lowest buckling mode is local, see `lowest_buckling`."""
+    hertz    : lowest frequency; None if not requested.
+    local    : clause about a local buckling mode, by case, see `lowest_buckling`."""
 
     triangles: int
     buckling: Mapping[str, float | None]
@@ -52,7 +52,7 @@ class ModeIntervals:
     hertz    : the lowest frequency with its bound; None without a request or a result.
     levels   : the meshes, coarse to fine.
     assumed  : assumptions about the supports (`mode_supports`), or ''.
-    refusals : sentences with the reason why a value or a finer mesh is missing."""
+    refusals : reasons why a value or a finer mesh is missing."""
 
     buckling: Mapping[str, estimates.ModeEstimate]
     hertz: estimates.ModeEstimate | None
@@ -62,7 +62,7 @@ class ModeIntervals:
 
     @property
     def local(self) -> Mapping[str, str]:
-        """Clauses of the finest mesh about lowest buckling modes that are local, by case."""
+        """Clauses about local buckling modes on the finest mesh, by case."""
         return self.levels[-1].local if self.levels else {}
 
 
@@ -72,7 +72,7 @@ def mode_intervals(
     """Return the lowest buckling factor of each case and the lowest frequency of a sheet, as requested.
 
     The solver runs on the cut mesh, with points on the smooth surface, and on the next finer mesh. A third mesh follows
-    if a bound exceeds `WIDEST_MODE_BOUND`. Loads are spread as in `check`. The result has no mode shapes.
+    if a bound exceeds `WIDEST_MODE_BOUND`. Loads spread as in `check`. The result has no mode shapes.
     budget : bytes; a mesh that would need more is not solved.
     Errors do not raise: `refusals` lists them."""
     levels: list[ModeLevel] = []
@@ -82,7 +82,7 @@ def mode_intervals(
         sheet, _, loads = attached_material(setting, material)
         forces = shares(sheet, loads)
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
-            # the memory for two stored factorisations was not measured, so the larger figure counts
+            # two factorisations are stored, so the larger figure of both solvers counts
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")
@@ -110,7 +110,7 @@ def mode_level(
     standing: ModeSupports,
     request: ResultRequest,
 ) -> ModeLevel:
-    """Return the modes on one mesh. All cases share one matrix factorisation. Raises StaticsError if a solve fails."""
+    """Return the modes on one mesh. All cases share one factorisation. Raises StaticsError if a solve fails."""
     sheet, factor_cache = material.model_for(surface), FactorCache(2)
     K = sheet_stiffness(sheet, MODE_ELEMENTS)
     supports = standing.load

@@ -39,7 +39,7 @@ from dsfab.surface import LoadCase, Surface, pieces
 
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
-    """The uncut surface, the sheet's material, and the loads by case. All designs in a comparison share them."""
+    """The uncut surface, the sheet's material, and the loads by case; designs in a comparison share them."""
 
     surface: Surface
     made: SheetMaterial
@@ -71,8 +71,7 @@ def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
     """Return the material that is connected to a support, the dropped pieces (largest first), and the loads on the
-    attached material. Raises StaticsError without supports, for a free rigid motion, and for a load on a dropped piece
-    or on no material."""
+    attached material. Raises StaticsError without supports, for a free rigid motion, and for a load without support."""
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)
@@ -101,10 +100,10 @@ Depth = Literal["quick", "full"]
 class CaseVerdict:
     """The verdict on one load case or combination.
     value  : compliance, J; nan without a solution.
-    bound  : half width of the interval of the true compliance, relative to the value; inf if unknown.
-    status : pass: the sheet carries the loads, and the bound is at most `CONVERGED`. fail: the sheet does not carry the
-             loads. unknown: the bound is larger.
-    spread : compliance by quadratic + midedge relative to that by quadratic + hhj, minus 1, on the first mesh.
+    bound  : half width of the interval of the true compliance, divided by the value; inf if unknown.
+    status : pass: the sheet carries the loads, and the bound is at most `CONVERGED`. fail: the sheet does not carry
+             the loads. unknown: the bound is larger.
+    spread : compliance by quadratic + midedge divided by that by quadratic + hhj, minus 1, on the first mesh.
     zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
     theory : share by which a solid may be softer than this thin sheet; see `theory_share`."""
 
@@ -149,7 +148,7 @@ class Verdict:
 
     @property
     def bound(self) -> float:
-        """Half width of the interval of the governing case, relative to its value."""
+        """Half width of the interval of the governing case, divided by its value."""
         return self.cases[0].bound
 
     @property
@@ -167,7 +166,7 @@ class Verdict:
         return {case.name: case for case in self.cases}[name]
 
     def record(self) -> dict[str, Any]:
-        """Return the verdict as numbers, text, lists and dicts for JSON, with None for nan and infinity."""
+        """Return the verdict as numbers, texts, lists and dicts for JSON, with None for nan and infinity."""
         values = asdict(self) | {"value": self.value, "bound": self.bound, "theory": self.theory, "memory": self.memory}
         values["dropped"] = [piece._asdict() for piece in self.dropped]
         return dict(_plain(values))
@@ -181,15 +180,14 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-MOST_MESHES = 3  # limit on the number of meshes: the cut mesh and two refinements
-
+MOST_MESHES = 3  # the cut mesh and two refinements
 COUNT = {2: "two levels", 3: "three levels"}
 
 
 @dataclass
 class Refinement:
-    """Meshes of a verdict that are solved so far.
-    stopped  : status and reason of the end of refinement; None after convergence or the last mesh.
+    """The solved meshes of a verdict.
+    stopped  : status and reason if the refinement ended early; None after convergence or the last mesh.
     unsolved : True if the solver rejected the last mesh."""
 
     setting: LoadedSurface
@@ -225,7 +223,6 @@ class Refinement:
 
     @property
     def is_plane(self) -> bool:
-        """True for a sheet that is solved in its plane."""
         return flat_axis(self.setting.surface, *self.setting.loads.values()) is not None
 
     @property
@@ -247,7 +244,7 @@ class Refinement:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         pairs: tuple[Elements, ...] = (QUICK_ELEMENTS,)
-        if self.depth == "full":  # only the first mesh measures the spread between the two pairs
+        if self.depth == "full":  # the spread between the pairs is measured on the first mesh
             pairs = (MAIN_ELEMENTS,) if self.levels else (MAIN_ELEMENTS, SPREAD_ELEMENTS)
         ribs = self.depth == "full" and not self.levels
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))
@@ -280,7 +277,6 @@ class Refinement:
 
 
 def percent(share: float) -> str:
-    """Return a share as text, such as '1.3 %'."""
     return f"{100 * share:.2g} %"
 
 
@@ -297,16 +293,15 @@ def check(
 ) -> Verdict:
     """Return the compliance of a cut sheet under its loads with a bound, or the reason why it is unknown or fails.
     subject : a design, or a `LoadedSurface` that designs in a comparison share.
-    sheet   : the material on the subject's surface, loose pieces included; default: that of the design.
+    sheet   : the material on the subject's surface, with loose pieces; default: that of the design.
     depth   : "quick": one solve on the unrefined mesh. "full": solves on the cut mesh and on its refinement, whose
-              points lie on the smooth surface, and extrapolates. A third mesh follows if the bound still exceeds 2 %.
+              points lie on the smooth surface, and extrapolates. A third mesh follows if the bound exceeds 2 %.
     budget  : bytes that the solver may take; a mesh that would need more is not solved, and the reason says so.
-    cells   : the cut mesh, openings included; default: that of a design. If needle faces stop the solver, they are
-              flipped and collapsed (`dsfab.slicing.finishing.mesh_quality`), and the solver runs again. Without this
-              step, 781 needles among 38 127 triangles made a sheet look like a mechanism.
+    cells   : the cut mesh, with openings; default: that of a design. If needle faces stop the solver, they are flipped
+              and collapsed (`dsfab.slicing.finishing.mesh_quality`), and the solver runs again. Without this step, 781
+              needles among 38 127 triangles made a sheet look like a mechanism.
 
-    A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError for a `LoadedSurface` without
-    `sheet`."""
+    A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError without a sheet."""
     start = time.perf_counter()
     setting = LoadedSurface.from_design(subject) if isinstance(subject, Design) else subject
     if sheet is None:
