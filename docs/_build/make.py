@@ -25,7 +25,7 @@ from docs._build.wires import drawn
 from dsfab.app.cli import main
 from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.core.arrays import distances_from_segments
-from dsfab.design.log import silent
+from dsfab.results import silent
 from dsfab.preset.file import with_overrides
 from dsfab.render.design_picture import caption, client_picture
 from dsfab.render.lettering import PAPER

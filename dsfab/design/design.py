@@ -13,11 +13,10 @@ from dsfab.core.errors import PatternError, PresetError
 from dsfab.core.messages import length, mass
 from dsfab.design.buildability import require_buildable
 from dsfab.design.directions import diffusion_step, without_modes
-from dsfab.design.log import Log, Progress
 from dsfab.design.member_model import action_cases, beam_agreement, beam_model, member_utilisation
 from dsfab.design.pattern_measures import measured_pattern
 from dsfab.design.pattern_stage import ChosenMethod, EarlierStripes, chosen_method, pattern_stage, sketched_pattern
-from dsfab.design.sheet_loads import sheet_loads
+from dsfab.design.regions_and_loads import sheet_loads
 from dsfab.design.slicing_and_thickening import slicing_step, thickening_step
 from dsfab.design.surface_and_statics import (
     checked_sheet,
@@ -28,7 +27,16 @@ from dsfab.design.surface_and_statics import (
 )
 from dsfab.preset.model import STAGES, Preset
 from dsfab.preset.surface_section import missing_preset
-from dsfab.results import DiffusionResult, Note, PatternResult, SlicingResult, StaticsResult, StressedSurface
+from dsfab.results import (
+    DiffusionResult,
+    Log,
+    Note,
+    PatternResult,
+    Progress,
+    SlicingResult,
+    StaticsResult,
+    StressedSurface,
+)
 from dsfab.slicing import Sheet
 from dsfab.slicing.measures.pattern_quality import PatternQuality
 from dsfab.statics import SectionForces, ShearRecovery, section_forces, sheet_stress, solve_for
@@ -437,3 +445,20 @@ def summary_lines(design: Design) -> Iterator[str]:
         yield f"  solid    {mass(design.mass)}, {solid.volume:.4g} m3, {pieces}, {len(solid.F):,} triangles"
     if not design.has("thickening"):
         yield "  dsfab runs all other stages on first access"
+
+
+def run(preset: Preset, progress: Progress | None = None) -> Design:
+    """Run all stages of a preset. Raises the DsfabError of a stage that fails, and PresetError for a wrong argument."""
+    return Design.from_preset(preset, None, progress).until("thickening")
+
+
+def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
+    """Return the design of `preset`; stages of `design` before the first section that differs are not computed again.
+    So a change of [pattern] keeps statics and diffusion, and a change of `gamma` or `r` keeps the statics."""
+    return Design.from_preset(preset, design, progress).until("thickening")
+
+
+def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
+    """Run the stages up to the pattern, without a cut. earlier : design whose unchanged first stages are used again.
+    Raises the DsfabError of the stage that fails."""
+    return Design.from_preset(preset, earlier, progress).until("pattern")

@@ -6,7 +6,6 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import PatternError
-from dsfab.design.log import Log
 from dsfab.design.regions_and_loads import IMAGE_DIFFERENCE
 from dsfab.diffusion import (
     CLEAR_MOMENT,
@@ -23,7 +22,7 @@ from dsfab.diffusion import (
 )
 from dsfab.pattern import Frames, Guidance, LoopSurroundings, StressDirections
 from dsfab.preset.model import Pattern, Preset
-from dsfab.results import DiffusionResult, StaticsResult, StripeSteering
+from dsfab.results import DiffusionResult, Log, StaticsResult, StripeSteering
 from dsfab.surface import LoadCase, Surface, generated_group
 from dsfab.surface.orientation import one_sided_pieces
 

@@ -8,15 +8,23 @@ import numpy as np
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError, PatternError
 from dsfab.design.even_stripes import even_stripes, follows_membrane
-from dsfab.design.finishing import trial_cut
-from dsfab.design.log import Log, Progress
 from dsfab.design.mode_search import Trial, choice_step, stressed_choice, stressed_step
 from dsfab.design.pattern_measures import DesignDraft, measured_pattern, roles_of_families
-from dsfab.design.slicing_and_thickening import filled_plate, slicing_step
+from dsfab.design.slicing_and_thickening import filled_plate, slicing_step, trial_cut
 from dsfab.design.stripe_pattern import pattern_step
 from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Family, Preset, Slicing, Width
-from dsfab.results import Attempt, Choice, EvenStripes, FilledOpenings, Note, PatternResult, StressedSurface
+from dsfab.results import (
+    Attempt,
+    Choice,
+    EvenStripes,
+    FilledOpenings,
+    Log,
+    Note,
+    PatternResult,
+    Progress,
+    StressedSurface,
+)
 from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 

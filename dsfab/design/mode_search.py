@@ -11,14 +11,20 @@ from numpy.typing import NDArray
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError, PatternError
-from dsfab.design.finishing import merging_rule
-from dsfab.design.kept_material import kept_regions, tidy_of
-from dsfab.design.log import Log
-from dsfab.design.sheet_loads import held_vertices, loads_on, lost_load
-from dsfab.design.stripe_pattern import SHARE_SNAP, WidthSearch, drawable_families, pattern_result, solved_layers
+from dsfab.design.regions_and_loads import held_vertices, loads_on, lost_load
+from dsfab.design.slicing_and_thickening import merging_rule
+from dsfab.design.stripe_pattern import (
+    SHARE_SNAP,
+    WidthSearch,
+    drawable_families,
+    kept_regions,
+    pattern_result,
+    solved_layers,
+    tidy_of,
+)
 from dsfab.pattern import DrawableFamily, Layer, counted_share, evened_grading
 from dsfab.preset.model import AUTO, FAMILIES, Preset
-from dsfab.results import Candidate, Choice, EvenStripes, PatternResult, StressedSurface
+from dsfab.results import Candidate, Choice, EvenStripes, Log, PatternResult, StressedSurface
 from dsfab.slicing import Sheet, Tidy, filled_slits, resolve_pinches, tidied_sheet
 from dsfab.statics import Aid, FaceStiffness, Quantity, solve_for
 from dsfab.surface import LoadCase, Surface, pieces

@@ -11,7 +11,6 @@ from dsfab.core.errors import PatternError
 from dsfab.core.sparse import release_freed_memory
 from dsfab.design.directions import followed_stress
 from dsfab.design.even_stripes import even_stripes, same_stripes
-from dsfab.design.log import Log
 from dsfab.design.method_search import MethodCandidate, method_step, uncrowded_candidate
 from dsfab.design.mode_search import choice_step, stressed_step
 from dsfab.design.pattern_measures import DesignDraft, one_family_message, roles_of_families
@@ -20,7 +19,7 @@ from dsfab.design.stripe_pattern import SHARE_SNAP, pattern_step, sketched_step
 from dsfab.design.surface_and_statics import statics_step
 from dsfab.diffusion import principal_stresses
 from dsfab.preset.model import Family, Pattern, Preset
-from dsfab.results import Attempt, EvenStripes, PatternResult, StaticsResult, StressedSurface
+from dsfab.results import Attempt, EvenStripes, Log, PatternResult, StaticsResult, StressedSurface
 from dsfab.slicing import tidied_polygons
 from dsfab.surface import LoadParts, Surface
 

@@ -1,28 +1,35 @@
-"""The surface, cut along the outlines of its regions, and its load cases."""
+"""The surface, cut along the outlines of its regions; loads and supports of the surface and of the cut sheet."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums
 from dsfab.core.derived import derived_results
-from dsfab.core.errors import SurfaceError
-from dsfab.design.log import Log
+from dsfab.core.errors import StaticsError, SurfaceError
 from dsfab.diffusion import Symmetry
 from dsfab.preset.model import Preset
+from dsfab.results import Log
+from dsfab.slicing import Sheet
+from dsfab.slicing.cutting.sheet import ON_SIMPLEX
 from dsfab.statics import SpreadLoad, spread_load
 from dsfab.surface import (
     All,
     Load,
     LoadCase,
+    LoadParts,
     PatternRegion,
     Support,
     Surface,
     VerticesLeft,
     combined_case,
     edges_of,
+    link_components,
     load_cases,
     region_key,
     with_regions,
@@ -172,3 +179,217 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
         Loading(name, combined_case(loads, factors), SpreadLoad.total(parts, factors), factors)
         for name, factors in sums
     ]
+
+
+@dataclass(frozen=True, eq=False)
+class CoveringLoads:
+    """Material that carries loads on the covering of an uncut surface with m faces, such as glass on a gridshell.
+    to      : (m,) the face with material that carries the covering of each face; -1 without such a face.
+    area    : (m,) area of material in each face, m2.    place : (m, 3) centre of this material, metres.
+    opening : (m,) number of the opening to which a face belongs; -1 for faces with material."""
+
+    surface: Surface
+    to: Ints
+    area: Floats
+    place: Floats
+    opening: Ints
+
+    @classmethod
+    def for_sheet(cls, surface: Surface, sheet: Sheet) -> Self:
+        """Return the carrying faces for a sheet that was cut from the surface."""
+        cells, m = sheet.surface, surface.m
+        area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
+        area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
+        carries = area > 0.02 * surface.areas  # smaller slivers of material carry no load
+        carries = carries if carries.any() else area > 0
+        place = np.where(carries[:, None], area_moment / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
+        f, g, _ = _face_steps(surface)
+        inner = ~carries[f] & ~carries[g]
+        _, part = link_components(m, f[inner], g[inner])
+        return cls(surface, nearest_faces(surface, carries), area, place, np.where(carries, -1, part))
+
+    def forces(self, covered: Floats) -> Floats:
+        """Return forces (m, 3), N, on the material in each face, for tractions (m, 3), Pa, on the uncut surface.
+        Raises StaticsError for a load on a piece of the surface without material."""
+        load = covered * self.surface.areas[:, None]
+        lost = np.flatnonzero((self.to < 0) & load.any(axis=1))
+        if len(lost):
+            place = ", ".join(f"{x:.3g}" for x in self.surface.centroids[lost[0]])
+            raise StaticsError(
+                f"the load near ({place}) m has no support, because the cut leaves no material of that piece of the "
+                "surface; load other faces, or change a phase, a mode or pattern.rim"
+            )
+        force = self._by_opening(load)
+        turning = np.cross(self.surface.centroids, load) - np.cross(self.place, force)
+        count, piece = self.surface.pieces
+        bears = np.flatnonzero(self.opening < 0)
+        lacking = group_sums(piece, turning, count)
+        force[bears] += _moment_forces(piece[bears], self.place[bears], self.area[bears], lacking)
+        return force
+
+    def _by_opening(self, load: Floats) -> Floats:
+        """Return forces (m, 3), N, on the carrying faces; the moment of an opening acts on its rim if possible."""
+        loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
+        force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
+        # a face of the rim may carry parts of several openings
+        pair, pair_index = np.unique(
+            np.stack([self.opening[loaded_faces], self.to[loaded_faces]]), axis=1, return_inverse=True
+        )
+        group, number = np.unique(pair[0], return_inverse=True)
+        turning = np.cross(self.surface.centroids[loaded_faces] - self.place[self.to[loaded_faces]], load[loaded_faces])
+        moment = group_sums(number[pair_index], turning, len(group))
+        weight = np.bincount(pair_index, self.surface.areas[loaded_faces]).astype(np.float64)
+        moment_forces = _moment_forces(number, self.place[pair[1]], weight, moment)
+        load_size = np.bincount(number[pair_index], np.linalg.norm(load[loaded_faces], axis=1), len(group))
+        moment_too_large = np.bincount(number, np.linalg.norm(moment_forces, axis=1), len(group)) > load_size
+        moment_forces[moment_too_large[number]] = 0.0
+        np.add.at(force, pair[1], moment_forces)
+        return force
+
+
+def nearest_faces(surface: Surface, marked: Bools) -> Ints:
+    """Return the nearest marked face (m,) to each face, by paths over centres of faces and edges; -1 without a path."""
+    f, g, length = _face_steps(surface)
+    steps = coo_array((length, (f, g)), shape=(surface.m, surface.m)).tocsr()
+    predecessor = dijkstra(
+        steps, directed=False, indices=np.flatnonzero(marked), min_only=True, return_predecessors=True
+    )[2]
+    return np.where(predecessor < 0, -1, predecessor).astype(np.int64)
+
+
+def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
+    """Return pairs of neighbouring faces (k,), (k,), and the distance (k,), m, of their centres across the edge."""
+    edges = surface.edges
+    face, edge = edges.order // 3, edges.of.ravel()[edges.order]
+    pairs = np.flatnonzero(edge[1:] == edge[:-1])
+    f, g, middle = face[pairs], face[pairs + 1], surface.V[edges.ends[edge[pairs]]].mean(axis=1)
+    reach = [np.linalg.norm(surface.centroids[x] - middle, axis=1) for x in (f, g)]
+    return f, g, reach[0] + reach[1]
+
+
+def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
+    """Return forces (k, 3), N, at places (k, 3), with zero sum, that give each group (k,) its moment (g, 3), N m.
+    The forces are those of a bolt group with areas `weight` (k,). A group on a line takes no moment about the line."""
+    count = len(moment)
+    total = np.bincount(group, weight, count)
+    middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
+    r = place - middle[group]
+    inertia = np.zeros((count, 3, 3))
+    point_inertia = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
+    np.add.at(inertia, group, weight[:, None, None] * point_inertia)
+    # a group thinner than sqrt(1e-9) of its length counts as a line
+    theta = np.einsum("gij,gj->gi", np.linalg.pinv(inertia, rcond=1e-9, hermitian=True), moment)
+    return np.asarray(weight[:, None] * np.cross(theta[group], r))
+
+
+LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"  # For messages.
+
+
+def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
+    """Return a clause about the first load on pieces without support, or ''.
+    If the cut removed the material of a load, the load moves to the nearest material (`sheet_load`). A load on a piece
+    without support is lost, even near other material. Up to 1 % of a load may be lost.
+    material : all material, with loose pieces.    sheet : the remaining part of the material."""
+    dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
+    for load in loads:
+        size = np.linalg.norm(load.point, axis=1) * load.loaded
+        if (lost := size[dropped].sum()) > 0.01 * size.sum():
+            place = surface.V[dropped][size[dropped].argmax()].round(3).tolist()
+            return f"the load at {place} m ({lost:.3g} N) stands on a piece that reaches no support"
+    return ""
+
+
+def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
+    """Return the `sheet_load` of each load. Raises StaticsError as `sheet_load`, and for a lost load."""
+    if lost := lost_load(surface, material, sheet, loads.values()):
+        raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
+    return loads_on(surface, sheet, loads)
+
+
+def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
+    """Return the `sheet_load` of each load; the faces that carry coverings are searched once for all loads."""
+    covered = any(load.parts is not None and load.parts.covered.any() for load in loads.values())
+    covering = CoveringLoads.for_sheet(surface, sheet) if covered else None
+    return {name: sheet_load(surface, sheet, load, covering) for name, load in loads.items()}
+
+
+def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: CoveringLoads | None = None) -> LoadCase:
+    """Return the supports and loads of the uncut surface on a sheet that was cut from it.
+
+    A concentrated force on a removed vertex moves to the nearest vertex of the sheet: its resultant is exact, its
+    moment changes by force times distance. Weight and loads on material act on the remaining material. A load on a
+    covering acts on the nearest material with its resultant and moment (see `CoveringLoads`). The `parts` of the result
+    refer to vertices and cells of the sheet.
+
+    covering : the `CoveringLoads` of this sheet, if the caller has it.
+
+    Raises StaticsError as `sheet_supports`, and if no material is near a concentrated force."""
+    supported = sheet_supports(surface, sheet, load)
+    point = _moved_forces(surface, sheet, load.point)
+    if load.parts is None:
+        return replace(supported, force=point)
+    covered = np.zeros((sheet.surface.m, 3))
+    if load.parts.covered.any():
+        covering = covering or CoveringLoads.for_sheet(surface, sheet)
+        material = np.bincount(sheet.parent, sheet.surface.areas, surface.m)
+        covered = (covering.forces(load.parts.covered) / np.where(material > 0, material, 1.0)[:, None])[sheet.parent]
+    parts = LoadParts(point, load.parts.weight[sheet.parent], load.parts.bare[sheet.parent], covered)
+    return supported.with_parts(sheet.surface, parts)
+
+
+def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
+    """Return the supports of the uncut surface on a sheet that was cut from it, without a load.
+    Springs at removed vertices are lost. Edges inside a clamped edge of the uncut surface are clamped. Raises
+    StaticsError if no supported vertex remains."""
+    sheet_vertex = sheet.same_vertex()
+    fixed = sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges))
+    remaining = np.flatnonzero(sheet_vertex >= 0)
+    spring = np.zeros((sheet.surface.n, 3))
+    np.add.at(spring, sheet_vertex[remaining], load.spring[remaining])
+    if not (fixed.any() or spring.any()):
+        raise StaticsError("the cut removed all supported vertices; set pattern.keep to protect the supports")
+    clamped = _within_edges(surface, sheet, load.clamped) if load.clamped.any() else load.clamped[:0]
+    return LoadCase(fixed, np.zeros_like(spring), sheet.vertices_between(surface, load.loaded), spring, clamped)
+
+
+def _moved_forces(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
+    sheet_vertex, acting = sheet.same_vertex(), np.flatnonzero((force != 0).any(axis=1))
+    target = sheet_vertex[acting]
+    is_lost = target < 0
+    if is_lost.any():
+        nearest = cKDTree(sheet.surface.V).query(surface.V[acting[is_lost]])
+        moved, target[is_lost] = np.asarray(nearest[0]), np.asarray(nearest[1])
+        if moved.max() > 0.1 * surface.size:
+            place = surface.V[acting[is_lost][moved.argmax()]].round(3).tolist()
+            raise StaticsError(
+                f"the load at {place} m has no material within {moved.max():.3g} m; set pattern.keep to protect loads"
+            )
+    moved_force = np.zeros((sheet.surface.n, 3))
+    np.add.at(moved_force, target, force[acting])
+    return moved_force
+
+
+def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
+    """Return a mask (n',) of vertices of a sheet that a support or spring of the uncut surface holds."""
+    edges = _edges_or_none(load.fixed_edges)
+    return sheet.vertices_between(surface, load.supported, None if edges is None else np.asarray(edges.any(axis=1)))
+
+
+def _edges_or_none(edges: Bools) -> Bools | None:
+    """Return supported edges; None if the load case has no edges, so that vertices decide."""
+    return edges if len(edges) else None
+
+
+def _within_edges(surface: Surface, sheet: Sheet, marked: Bools) -> Bools:
+    ends = sheet.surface.edges.ends
+    weight_sums = csr_array(sheet.weights[ends[:, 0]] + sheet.weights[ends[:, 1]])
+    weight_sums.data[weight_sums.data < 1 - ON_SIMPLEX] = 0.0
+    weight_sums.eliminate_zeros()
+    weight_sums.sort_indices()
+    on_edge = np.flatnonzero(np.diff(weight_sums.indptr) == 2)
+    first_entry = weight_sums.indptr[on_edge]
+    key = weight_sums.indices[first_entry].astype(np.int64) * surface.n + weight_sums.indices[first_entry + 1]
+    marked_ends = np.sort(surface.edges.ends[marked], axis=1)
+    is_within = np.zeros(len(ends), dtype=bool)
+    is_within[on_edge[np.isin(key, marked_ends[:, 0] * surface.n + marked_ends[:, 1])]] = True
+    return is_within

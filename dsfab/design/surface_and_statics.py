@@ -13,12 +13,11 @@ from dsfab.core.errors import SurfaceError
 from dsfab.core.limits import FACETS, REPORTED_RESIDUAL, USUAL_SIZE
 from dsfab.core.messages import coordinates, length
 from dsfab.design.buildability import objections, off_surface
-from dsfab.design.log import Log
 from dsfab.design.regions_and_loads import Loading, loadings, surface_with_regions
 from dsfab.diffusion import layer_stress, only_bends
 from dsfab.preset.model import Preset, Statics
 from dsfab.preset.surface_section import FileSurface, MeshSurface, OwnSurface
-from dsfab.results import CaseResult, StaticsResult
+from dsfab.results import CaseResult, Log, StaticsResult
 from dsfab.statics import (
     Answers,
     Elements,

@@ -11,7 +11,7 @@ import numpy as np
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import mass, sentence, table
 from dsfab.design.design import Design
-from dsfab.design.log import Progress, silent
+from dsfab.results import Progress, silent
 from dsfab.slicing.measures.pattern_quality import PatternQuality
 from dsfab.slicing.measures.widths import features, kept_cells
 from dsfab.statics import ResultRequest, flat_axis

@@ -12,9 +12,9 @@ from dsfab.core.limits import FILM, Status
 from dsfab.core.messages import length, point_words
 from dsfab.design import acting_on, least_widths, revise, sheet_loads
 from dsfab.design.design import Design
-from dsfab.design.log import Progress
 from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
+from dsfab.results import Progress
 from dsfab.slicing.finishing.mesh_quality import Quality, quality
 from dsfab.slicing.measures.widths import Feature, Features, features, kept_cells
 from dsfab.surface import Picker, edges_of, load_names, pieces, support_names

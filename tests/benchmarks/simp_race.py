@@ -17,10 +17,10 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
 from dsfab.design import draft
-from dsfab.design.log import Log
-from dsfab.design.sheet_loads import sheet_load
+from dsfab.design.regions_and_loads import sheet_load
 from dsfab.design.slicing_and_thickening import slicing_step
 from dsfab.preset.file import load_preset
+from dsfab.results import Log
 from dsfab.statics import Elements, FaceStiffness, SheetModel, solve_statics
 from dsfab.study.baselines import ComparisonTask
 from dsfab.study.baselines.topology_optimisation import Simp, level_set_structure, optimised_densities

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from dsfab.design.log import Log
 from dsfab.design.surface_and_statics import statics_step
 from dsfab.diffusion import diffusion_operator, diffusion_tensors, family_modes, reference_axes
 from dsfab.diffusion.modes import SPARE
+from dsfab.results import Log
 from dsfab.surface.fields import voronoi_mass
 from tests.benchmarks.common import compiled, sizes, sphere, write_lower
 

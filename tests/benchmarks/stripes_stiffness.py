@@ -22,11 +22,11 @@ from dsfab.core.errors import DsfabError
 from dsfab.core.messages import table
 from dsfab.design import Design, draft
 from dsfab.design.even_stripes import even_stripes
-from dsfab.design.log import Log
 from dsfab.design.mode_search import stressed_step
 from dsfab.design.stripe_pattern import drawable_families
 from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Preset
+from dsfab.results import Log
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.baselines.structures import striped_structure, widened_structure
 from dsfab.study.comparison import comparison

@@ -10,7 +10,7 @@ from dsfab.core.errors import PatternError, PresetError
 from dsfab.design import draft
 from dsfab.design import mode_search as choosing
 from dsfab.design.mode_search import Trial
-from dsfab.design.sheet_loads import sheet_load
+from dsfab.design.regions_and_loads import sheet_load
 from dsfab.pattern import Layer, ModeFamily, Stripes, Widths, face_points, material_points
 from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.report.design.facts import choice_facts, choice_lines, design_facts

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.design import Design, Log, finishing, slicing_and_thickening
+from dsfab.design import Design, Log, slicing_and_thickening
 from dsfab.slicing import tidied_polygons, tidied_sheet
 from dsfab.slicing.finishing import finish
 
@@ -100,7 +100,7 @@ def test_a_pickled_pattern_has_no_trial_cut(dome):
 
 def test_a_share_is_found_with_as_many_cuts_as_are_measured(dome, monkeypatch):
     """The last cut that a search measures is the one that is finished."""
-    cuts = counting(monkeypatch, finishing, "tidied_polygons")
+    cuts = counting(monkeypatch, slicing_and_thickening, "tidied_polygons")
     drawn(dome)
     assert cuts == []
 

@@ -15,7 +15,7 @@ import pytest
 from dsfab import load_preset, run
 from dsfab.app.cli import main
 from dsfab.core.errors import DsfabError, ExportError
-from dsfab.design.output.fields import design_fields, design_lines
+from dsfab.design.output.archive import design_fields, design_lines
 from dsfab.design.output.files import deliverable
 from dsfab.export import FORMATS, Details, write
 from dsfab.export.cad.rhino import without_times

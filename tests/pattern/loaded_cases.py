@@ -8,10 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from dsfab import load_preset
 from dsfab.design.even_stripes import even_stripes
-from dsfab.design.log import Log
 from dsfab.design.stripe_pattern import pattern_step
 from dsfab.preset.file import with_overrides
-from dsfab.results import CaseResult, EvenStripes, StaticsResult, StressedSurface
+from dsfab.results import CaseResult, EvenStripes, Log, StaticsResult, StressedSurface
 from dsfab.slicing import cut
 from dsfab.statics import Material, SheetModel, solve_statics, stress
 from dsfab.surface import LoadCase, Surface, read_surface

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from dsfab import load_preset
 from dsfab.design import draft
-from dsfab.design.kept_material import kept_regions
+from dsfab.design.stripe_pattern import kept_regions
 from dsfab.surface import LoadCase, Surface
 from tests.pattern.loaded_cases import CASES, TURN, Case, case, difference, on_rim, supported
 from tests.shapes import grid

@@ -13,9 +13,7 @@ from dsfab.core.errors import DsfabError, PatternError
 from dsfab.design.design import Design
 from dsfab.design.directions import _keeps_guides, keeps_orientation
 from dsfab.design.even_stripes import even_stripes
-from dsfab.design.log import Log
-from dsfab.design.output.archive import read_archive, write_archive
-from dsfab.design.output.fields import design_lines
+from dsfab.design.output.archive import design_lines, read_archive, write_archive
 from dsfab.design.stripe_pattern import pattern_step, stripe_stresses
 from dsfab.diffusion import symmetry_of
 from dsfab.pattern import Frames, Guidance, Guide, relative_stresses
@@ -23,7 +21,7 @@ from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.inspection import quality_facts, quality_lines
 from dsfab.report.html_pages import CaptionNumbers
-from dsfab.results import PatternResult, StressedSurface
+from dsfab.results import Log, PatternResult, StressedSurface
 from dsfab.slicing import material_area
 from dsfab.slicing.measures.pattern_quality import pattern_quality
 from dsfab.study.baselines import ComparisonTask

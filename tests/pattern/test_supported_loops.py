@@ -6,10 +6,10 @@ import pytest
 import dsfab
 from dsfab.core.arrays import unit_vectors
 from dsfab.design.even_stripes import StripeDirections
-from dsfab.design.log import Log
 from dsfab.design.surface_and_statics import statics_step
 from dsfab.pattern import Frames, LoopSurroundings, StressDirections, cross_field
 from dsfab.pattern.supported_loops import REACH, small_loops
+from dsfab.results import Log
 from tests.shapes import annulus, wrapped
 
 INNER, SPACING = 0.2, 0.4

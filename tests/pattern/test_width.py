@@ -13,7 +13,7 @@ import dsfab
 from dsfab.core.errors import PatternError, PresetError
 from dsfab.core.messages import length
 from dsfab.design import draft
-from dsfab.design.kept_material import corrected_pattern
+from dsfab.design.stripe_pattern import corrected_pattern
 from dsfab.pattern import (
     CornerPhase,
     EvenFamily,

@@ -12,7 +12,7 @@ from dsfab.app.cli import main
 from dsfab.core.errors import DsfabError, StaticsError
 from dsfab.core.messages import mass
 from dsfab.design import draft
-from dsfab.design.sheet_loads import lost_load, sheet_load
+from dsfab.design.regions_and_loads import lost_load, sheet_load
 from dsfab.slicing import cut
 from dsfab.statics import Elements, ResultRequest, SheetModel, solve_statics
 from dsfab.study import compare_at

@@ -13,8 +13,7 @@ from dsfab import design
 from dsfab.core.arrays import distances_from_segments
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.design.design import Design
-from dsfab.design.output.archive import read_archive, write_archive
-from dsfab.design.output.fields import design_fields, design_lines
+from dsfab.design.output.archive import design_fields, design_lines, read_archive, write_archive
 from dsfab.design.output.files import deliverable
 from dsfab.export import write
 from dsfab.pattern import frequency_for

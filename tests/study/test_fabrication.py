@@ -10,8 +10,8 @@ import dsfab
 from dsfab.app.cli import main
 from dsfab.core.errors import PatternError
 from dsfab.core.messages import length
-from dsfab.design import Design, finishing
-from dsfab.design.finishing import least_widths, usual_gap
+from dsfab.design import Design, slicing_and_thickening
+from dsfab.design.slicing_and_thickening import least_widths, usual_gap
 from dsfab.design.stripe_pattern import member_widths
 from dsfab.preset.file import load_preset, preset_from, preset_toml, with_overrides
 from dsfab.report.design.inspection import fabrication_facts, fabrication_lines
@@ -269,7 +269,7 @@ def test_the_narrowest_opening_between_tidied_stripes_is_as_wide_as_the_sheet_is
         ({"pattern.method": "modes"}, 0.0),
     ):
         preset = dsfab.load_preset("dome", {"pattern.major.spacing": 1.4, "pattern.minor.spacing": 1.4, **changes})
-        assert finishing.smallest_widths(preset, surface)[0] == pytest.approx(wanted), changes
+        assert slicing_and_thickening.smallest_widths(preset, surface)[0] == pytest.approx(wanted), changes
 
 
 @pytest.mark.slow
@@ -320,7 +320,7 @@ def test_specks_between_evenly_spaced_stripes_are_filled_by_default(monkeypatch)
     design = dsfab.run(dsfab.load_preset(GLOBE_MODES, even))
     assert not any("were filled" in note.text for note in design.notes)
     small = design.sheet.surface.area
-    monkeypatch.setattr(finishing, "SPECK", 0.7)
+    monkeypatch.setattr(slicing_and_thickening, "SPECK", 0.7)
     filled = dsfab.revise(design, with_overrides(design.preset, {"slicing.min_opening": None, "slicing.snap": 0.06}))
     assert any("smaller than 210 mm, or far smaller than most, were filled" in note.text for note in filled.notes)
     assert filled.sheet.surface.area > 1.005 * small

@@ -13,7 +13,7 @@ from dsfab.core.errors import StaticsError, SurfaceError
 from dsfab.core.messages import force
 from dsfab.core.units import GRAVITY
 from dsfab.design import Design, loads_on, sheet_load
-from dsfab.design.sheet_loads import CoveringLoads, nearest_faces
+from dsfab.design.regions_and_loads import CoveringLoads, nearest_faces
 from dsfab.report.compliance.findings import Findings
 from dsfab.report.compliance.tables import acting_table, loads_table
 from dsfab.report.design.facts import cut_load_facts

@@ -8,7 +8,7 @@ import pytest
 import dsfab
 from dsfab.core.errors import StaticsError
 from dsfab.design import draft
-from dsfab.design.sheet_loads import sheet_load
+from dsfab.design.regions_and_loads import sheet_load
 from dsfab.statics import Elements, FaceStiffness, Material, SheetModel, solve_statics
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
 from dsfab.study.baselines.topology_optimisation import (

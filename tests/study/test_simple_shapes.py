@@ -7,11 +7,11 @@ import pytest
 from dsfab.design import draft
 from dsfab.design.design import Design
 from dsfab.design.even_stripes import even_stripes
-from dsfab.design.log import Log
 from dsfab.design.mode_search import stressed_step
 from dsfab.design.stripe_pattern import drawable_families
 from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Preset
+from dsfab.results import Log
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.baselines.structures import striped_structure, widened_structure
 from dsfab.study.judges import quick

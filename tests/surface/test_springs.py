@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 from dsfab import load_preset, run
 from dsfab.core.errors import PresetError, StaticsError, SurfaceError
 from dsfab.design import draft
-from dsfab.design.sheet_loads import sheet_load
+from dsfab.design.regions_and_loads import sheet_load
 from dsfab.report.design.facts import design_facts
 from dsfab.slicing import cut
 from dsfab.statics import (

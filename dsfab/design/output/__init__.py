@@ -3,7 +3,7 @@
 files     one file of a design, and smooth STEP    fields    lines and fields for drawings and ParaView
 archive   `design.npz`, from which dsfab reads the design later"""
 
-from dsfab.design.output.fields import design_lines
+from dsfab.design.output.archive import design_lines
 from dsfab.design.output.files import body_details, curved_design, to_build123d, write
 
 __all__ = ["body_details", "curved_design", "design_lines", "to_build123d", "write"]

@@ -15,7 +15,7 @@ from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import OUTLINE
 from dsfab.design.design import Design
-from dsfab.design.output.fields import design_fields, design_lines
+from dsfab.design.output.archive import design_fields, design_lines
 from dsfab.export import Details, MemberShape, StepOptions
 from dsfab.export import write as written
 from dsfab.export.formats import FORMATS, MemberContent, MemberFormat, MeshFormat, SheetFormat, format_of, suffix_of

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dsfab.core.errors import ExportError
 from dsfab.design.design import Design
-from dsfab.design.log import Progress, silent
 from dsfab.design.output.archive import with_mesh, write_archive
 from dsfab.design.output.files import deliverable
 from dsfab.export import atomic_folder, work_while_waiting, write
@@ -21,6 +20,7 @@ from dsfab.preset.file import preset_toml
 from dsfab.preset.model import Preset
 from dsfab.report.design.facts import alternative_facts, design_facts
 from dsfab.report.design.inspection import fabrication_facts, quality_facts
+from dsfab.results import Progress, silent
 from dsfab.study import design_alternatives, is_searched, require_fit
 from dsfab.study.carrying import Carrying, carrying
 from dsfab.study.fabrication import fabrication

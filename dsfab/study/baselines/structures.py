@@ -11,10 +11,8 @@ from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import PatternError
 from dsfab.design.design import Design
 from dsfab.design.directions import diffusion_step, load_axes
-from dsfab.design.kept_material import kept_regions, tidy_of
-from dsfab.design.log import Log
 from dsfab.design.slicing_and_thickening import slicing_step
-from dsfab.design.stripe_pattern import WidthSearch, drawable_families, solved_layers
+from dsfab.design.stripe_pattern import WidthSearch, drawable_families, kept_regions, solved_layers, tidy_of
 from dsfab.diffusion import DiffusionTensors, diffusion_modes, diffusion_operator, reference_axes
 from dsfab.pattern import (
     JUMP,
@@ -29,7 +27,7 @@ from dsfab.pattern import (
 )
 from dsfab.preset.file import with_overrides
 from dsfab.preset.model import FAMILIES, Family, Preset
-from dsfab.results import DiffusionResult, EvenStripes, PatternResult, StaticsResult, StressedSurface
+from dsfab.results import DiffusionResult, EvenStripes, Log, PatternResult, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet, material_area
 from dsfab.statics import flat_axis
 from dsfab.study.verdict import whole_sheet

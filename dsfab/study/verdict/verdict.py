@@ -15,7 +15,7 @@ from dsfab.core.limits import CONVERGED, FACETS, SEVERITY, Status
 from dsfab.core.sparse import NotPositiveDefinite, solver_name
 from dsfab.design import held_vertices, sheet_loads
 from dsfab.design.design import Design
-from dsfab.design.log import Progress
+from dsfab.results import Progress
 from dsfab.slicing import Sheet, improve_cells
 from dsfab.slicing.cutting.sheet import SmoothSurface, meshes
 from dsfab.statics import Elements, SheetMaterial, flat_axis, needle_message
