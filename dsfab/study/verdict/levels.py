@@ -45,7 +45,7 @@ class Shares(NamedTuple):
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
     """Return the mesh-independent shares of each load on a sheet; their sum is the force of the load.
-    loads : see `dsfab.design.regions_and_loads`. The vertices of an uncut face share the forces at points inside the face."""
+    loads : see `sheet_loads`. The vertices of an uncut face share the forces at points inside the face."""
     areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
     for name, load in loads.items():
