@@ -11,7 +11,7 @@ from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
 
 SMALL, LARGE = (560, 420), (1120, 840)  # Sizes of the pictures of steps, and of the structure, pixels.
-LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Between the qualities of a sweep and of a single picture.
+LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Quality between a sweep's and a single picture's.
 
 VIEWS = {
     "pavilion": "25,35",
@@ -26,7 +26,7 @@ VIEWS = {
 """Views of figures whose default view hides their subject; see `dsfab.render.view`."""
 
 MARKS = ("loads", "supports", "person", "gradients")  # Pictures may show these marks; only modes have gradients.
-SCALE = {"pavilion": "tree"}  # Marks that show the size in place of a person, as in the paper.
+SCALE = {"pavilion": "tree"}  # Marks in place of a person, as in the paper.
 
 
 @dataclass(frozen=True, eq=False)
