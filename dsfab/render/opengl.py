@@ -92,11 +92,14 @@ def _candidates(chosen: str) -> tuple[str, ...]:
 def _draws(name: str) -> bool:
     environment = {**os.environ, WINDOW: name} if name else dict(os.environ)
     try:
-        command = [sys.executable, "-P", "-c", PROBE]
-        answer = subprocess.run(command, env=environment, capture_output=True, timeout=SECONDS, check=False)
+        answer = subprocess.run(_command(), env=environment, capture_output=True, timeout=SECONDS, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return False
     return answer.returncode == 0
+
+
+def _command() -> list[str]:
+    return [sys.executable, "-P", "-c", PROBE]
 
 
 _ADVICE = {
