@@ -25,9 +25,9 @@ ShownResult = Literal[
 ]  # fmt: skip
 
 STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
-"""Results of the statics. They are computed for the uncut sheet and shown on it."""
+"""Results of the statics for the uncut sheet."""
 DEFORMED = ("displacement", "buckling", "frequency")  # results that are drawn as a deformed shape
-MODE_FIELDS = ("major_mode", "minor_mode")  # pictures of a mode of each family
+MODE_FIELDS = ("major_mode", "minor_mode")  # pictures of the modes of both families
 WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)  # pictures of the uncut sheet, without stripes
 COLOUR_PERCENTILE = 98.0  # the scale ends at this percentile of the stress, below the peaks at loads and supports
 
@@ -77,9 +77,9 @@ class Colouring:
 def check_show(show: str) -> None:
     """Raise DsfabError unless `show` names a picture that a `Previewer` can draw."""
     if show == "fabrication":
-        raise DsfabError("show 'fabrication' is measured on the finished solid: ask dsfab preview for it alone")
+        raise DsfabError("show 'fabrication' needs the finished solid; use it without other pictures, in dsfab preview")
     if show == "members":
-        raise DsfabError("show 'members' names the parts of the finished sheet: ask dsfab preview for it alone")
+        raise DsfabError("show 'members' needs the finished sheet; use it without other pictures, in dsfab preview")
     if show not in get_args(ShownResult):
         raise DsfabError(f"show {show!r} is not known; use one of {', '.join(get_args(ShownResult))}")
 
@@ -114,7 +114,7 @@ def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
 
 def _mode_colouring(design: "Design", show: str) -> Colouring:
     if design.pattern.even:
-        raise DsfabError("evenly spaced stripes run along no mode; show structure, families or directions instead")
+        raise DsfabError(f"show {show!r} needs stripes on modes; show structure, families or directions instead")
     name = show.removesuffix("_mode")
     modes = getattr(design.diffusion, name)
     number = getattr(design.preset.pattern, name).mode
@@ -143,17 +143,17 @@ def band_limit(limit: float) -> tuple[float, int]:
 
 
 def diverging_colours(share: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for stresses (k,), divided by the limit of the scale: -1 (compression) to 1 (tension)."""
+    """Return colours (k, 3) for stresses (k,), scaled to -1 (compression) and 1 (tension) at the ends of the bar."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING, bands)
 
 
 def rising_colours(share: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for values (k,) from 0 to 1, divided by the limit of the scale."""
+    """Return colours (k, 3) for positive values (k,), scaled to 1 at the end of the colour bar."""
     return ramp(np.clip(share, 0, 1), _RISING, bands)
 
 
 def signed_colours(share: Floats) -> Bytes:
-    """Return colours (k, 3) for values (k,) other than stress from -1 to 1, divided by the limit of the scale."""
+    """Return colours (k, 3) for values (k,) other than stress, scaled to -1 and 1 at the ends of the colour bar."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
 
 
@@ -275,7 +275,7 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # moves with the load
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # moves along the load
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dsfab.design.design import Design
     from dsfab.study.fabrication import Check, FabricationMeasures
 
-LIMIT_KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}  # keys of limits by feature
+LIMIT_KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}  # preset keys by feature
 
 
 @dataclass(frozen=True, eq=False)

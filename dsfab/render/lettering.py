@@ -163,7 +163,7 @@ NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # tried directi
 
 @dataclass(frozen=True, eq=False)
 class Nameplate:
-    """Coloured name of a member. places : (k, 2) possible pixels, best first. visible : (k,) uncovered places."""
+    """Coloured name of a member. places : (k, 2) possible places (pixels), best first. visible : (k,) not covered."""
 
     text: str
     colour: Colour

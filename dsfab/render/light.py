@@ -28,7 +28,7 @@ def frame_towards(towards: Floats) -> Floats:
 class ShadowMaps:
     """Shadow maps of b lamps. A single matrix product serves all lamps, because many small products are slow.
     maps    : (b, s, s) depth from each lamp, see `Scene.lamp`.
-    placing : (3 b, 6) matrix; times (point, random offset, 1) it gives columns, rows and depths in the maps.
+    placing : (3 b, 6) matrix that turns (point, random offset, 1) into columns, rows and depths of the maps.
     towards : (b, 3) unit vectors times the strengths of the lamps."""
 
     maps: Floats32
@@ -87,7 +87,7 @@ TILE = 1 << 10  # number of points lit together by twenty lamps; their arrays fi
 @dataclass(frozen=True)
 class LightQuality:
     """Lamps and their maps. sun, sky, below : number of lamps in the sun, in the sky, and below the structure.
-    sharp : side of the sun's maps (pixels), whose shadows are sharper.    coarse : side of all other maps.
+    sharp : side of the sun's maps (pixels).    coarse : side of all other maps (pixels).
     blur  : blur of shadows on the floor, divided by the picture's height: for the sun, and for all other lamps.
     finer : factor by which a picture is drawn larger and then reduced, for smooth edges."""
 
@@ -159,8 +159,8 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
     """Return the light (2, k) of the sun and of all other lamps on points (3, k) with normals (3, k), in scene units.
-    paired : the first `paired` points are pairs of neighbours. Half of the sky lamps light the first point of a pair.
-             The other half light the second point. Both have double strength."""
+    paired : the first `paired` points are pairs of neighbours. Half of the sky lamps, with double strength, light the
+             first point of each pair. The other half light the second point."""
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
     quality, numbers = all_lamps.quality, np.arange(len(all_lamps.strength))
@@ -219,8 +219,7 @@ def pixel_and_floor_light(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points and normals (3, k + spare) of the k drawn pixels, in scene units. The last `spare` columns stay
-    empty.
+    """Return points and normals (3, k + spare) of the k drawn pixels, in scene units; the last `spare` are empty.
     Points are in the order of strips of rows: neighbours are close in memory, which saves two thirds of the time."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):

@@ -65,7 +65,7 @@ def picture(
 ) -> Bytes:
     """Return a picture of a whole solid or sheet, from a side that suits its shape.
     V, F    : (n, 3) metres and (m, 3), outward oriented.
-    surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither.
+    surface, load : uncut surface and its loads, for arrows, supports and the ground; give both or neither.
     family  : (m,) index into `look.palette.families` for each face, -1 for the colour `look.palette.members`.
     caption : line below the picture.
     Returns (height, width, 3) bytes, red green blue. Raises DsfabError for a solid without faces, or if this machine

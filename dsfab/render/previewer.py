@@ -141,9 +141,8 @@ class Previewer:
         return same_shape and (not (self._arrows or shown == "directions") or preset.diffusion == drawn.diffusion)
 
     def display(self, preset: Preset) -> None:
-        """Draw a preset of the same surface from now on. Frequencies, phases, thresholds and reaches of plain stripes
-        change quickly, in the shader. Other keys of [pattern] need new values at all vertices, and r and gamma new
-        modes.
+        """Draw a preset of the same surface from now on. New frequencies, phases, thresholds and reaches of plain
+        stripes are fast. All other keys of [pattern] change values at all vertices; r and gamma change the modes.
         Raises DsfabError for a different [surface] or an invalid preset, and then keeps the old preset."""
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(

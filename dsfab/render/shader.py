@@ -142,8 +142,8 @@ class ShaderProgram:
 @dataclass(eq=False)
 class StripeShader:
     """Shader of a body; `fields` and `settings` may change between pictures.
-    fields : (n, 6) modes and half-widths in periods (each major, minor), then two distances in metres: to loads and
-             supports, and to the boundary.
+    fields : (n, 6) modes of both families, half-widths of both families (periods), distances to loads
+             and supports, and to the boundary (m).
     tints  : colours of major, minor and remaining material in place of the colours of the faces."""
 
     fields: Floats

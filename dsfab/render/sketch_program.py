@@ -35,7 +35,7 @@ def main(sketches: bool) -> None:
     while True:
         _draw(*pickle.loads(requests.get()))
         _print_line("drawn")
-        gc.enable()  # `--watch` requests many pictures
+        gc.enable()  # further pictures follow, with `--watch`
 
 
 def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = None) -> None:

@@ -22,7 +22,7 @@ STEEP = 0.2  # a structure hangs from a support if it rises towards the support 
 UPRIGHT = 3.0  # a support is an upright edge if its height exceeds this number times its extent in plan
 SOIL_SHARE = 0.5  # a slab lies on soil if a larger share of its area is supported
 CORNERS, MOST_PARTS = 20, 40  # number of corners of a round column, and largest number of columns or rods of a support
-ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # over the structure's size
+ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # divided by the structure's size
 HANGERS, COLUMNS = 0.05, 0.12  # distances of rods, and of columns below an edge, divided by the structure's size
 TALL = 4.5  # height (m) from which a long edge rests on a beam and columns, because a wall would hide the inside
 WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths of columns and walls, footings, rods; divided by the size
@@ -87,7 +87,7 @@ def _upward_supports(load: LoadCase, up: Floats) -> Bools:
 
 
 def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:
-    """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours, or 0."""
+    """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours; 0 without such."""
     ends = surface.edges.ends[supported[surface.edges.ends].sum(axis=1) == 1]
     ends = np.where(supported[ends[:, :1]], ends, ends[:, ::-1])
     sums = group_sums(ends[:, 0], unit_vectors(surface.V[ends[:, 0]] - surface.V[ends[:, 1]]), surface.n)

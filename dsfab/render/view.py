@@ -126,7 +126,7 @@ def _face_on(normal: Floats, up: Floats) -> ViewSide:
 
 
 def _plan_axes(V: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """Return the directions (3,) to the front and to its right; the long side of a long plan is at the front."""
+    """Return the directions (3,) to the front and to the right; the front shows the long side of a long plan."""
     vertical = int(np.argmax(np.abs(up)))
     right = np.eye(3)[{0: 1, 1: 0, 2: 0}[vertical]]
     front = np.cross(right, up)
@@ -177,7 +177,7 @@ FAR = 400.0  # distance of the eye in a parallel view, divided by the size of th
 
 
 def plane_extents(points: Floats, side: ViewSide) -> Floats:
-    """Return the width and height (2,) of points (n, 3) seen from a side without perspective (m)."""
+    """Return width and height (2,) of points (n, 3), in metres, seen from a side in parallel projection."""
     return np.asarray(np.ptp(points @ _picture_frame(side)[:2].T, axis=0))
 
 

@@ -45,7 +45,7 @@ class PaperPicture:
 
 @dataclass(frozen=True, eq=False)
 class PaperComparison:
-    """A comparison that the paper makes: rows of pictures."""
+    """A comparison from the paper, as rows of pictures."""
 
     title: str
     words: str

@@ -20,7 +20,7 @@ BAR_RULE = (
     "its bars on the ground, the arm with a bar's name to that bar. What nothing holds yet needs props until the bars "
     "beside it are there."
 )
-"""Order of assembly of `bar_steps`, for the builders."""
+"""Rule for the order of `bar_steps`, printed for the builders."""
 BARS_UNCHECKED = (
     "the statics of bolts, plates and folds: the design was judged as one sheet, and bars on one plate each bend there",
     "the statics while it is being put up; props and scaffolding",

@@ -157,7 +157,7 @@ LAYER_RULE = (
     "Within a layer members go up from the supports upwards: by the height of their lowest point, those of one height "
     "in the order of their names. Members that nothing holds yet need props until the next layer is bolted on."
 )
-"""Order of assembly of `assembly_steps`, for the builders."""
+"""Rule for the order of `assembly_steps`, printed for the builders."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ PLANK_RULE = (
     "along the middle of the normals at its slots. Within a family members go up by the height of their lowest point, "
     "those of one height in the order of their names. Splices are closed when both pieces sit."
 )
-"""Order of assembly of `plank_steps`, for the builders."""
+"""Rule for the order of `plank_steps`, printed for the builders."""
 FAMILY_WORDS = {"major": "family A", "minor": "family B", "rim": "edges", "keep": "those around supports and loads"}
 
 

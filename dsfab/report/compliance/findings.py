@@ -68,7 +68,7 @@ def percent(share: float) -> str:
 
 
 def range_words(low: float, middle: float, high: float) -> str:
-    """Return a ratio with its lower and upper bound, for example '1.92 (1.87 to 1.97)'."""
+    """Return a ratio with its bounds as text, for example '1.92 (1.87 to 1.97)'."""
     return f"{significant_digits(middle)} ({significant_digits(low)} to {significant_digits(high)})"
 
 

@@ -149,7 +149,7 @@ def balance(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, 
 
 
 def choice_lines(choice: "Choice | None", count: int = 8) -> list[str]:
-    """Return a table of the `count` best candidates of an automatic choice, best first; empty without such a choice."""
+    """Return a table of the `count` best candidates of an automatic choice; empty without such a choice."""
     if choice is None:
         return []
     rows = [_candidate_row(rank, candidate) for rank, candidate in enumerate(choice.candidates[:count], start=1)]
