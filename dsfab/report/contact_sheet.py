@@ -70,7 +70,7 @@ def contact_sheet(
     aspect: float,
     palette: Palette,
 ) -> "Image":
-    """Return a sheet of tiles with title and subtitle. tile_width : pixels. aspect : width over height of a tile."""
+    """Return a sheet of tiles with title and subtitle. tile_width : pixels. aspect : width / height of a tile."""
     from PIL import Image, ImageDraw, ImageFont
 
     tile_height, rows = round(tile_width / aspect), -(-len(tiles) // columns)

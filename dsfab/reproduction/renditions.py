@@ -47,10 +47,10 @@ class Rendition:
     share        : share of the surface that is kept, with loose pieces.     pieces : number of pieces.
     loose        : number of pieces without a support.
     carried      : share of the loads on pieces with a support; nan without loads.
-    over_uncut   : compliance divided by that of the uncut sheet, each by one solve (up to 15 % off for cut sheets);
+    over_uncut   : compliance divided by that of the uncut sheet, each by one solve, with an error of up to 15 %;
                    infinite if the design does not carry its loads.
     over_thinner : compliance divided by that of a thinner sheet of the same mass.
-    deviation    : degrees between members and principal directions, of the worse family.
+    deviation    : angle between members and principal directions, degrees, of the worse family.
     evenness     : ratio P95 / P5 of the spacing, of the worse family.
     crossing     : smallest angle between crossing members, degrees.
     uncarried    : reason why the design does not carry its loads, if `over_uncut` is infinite."""
@@ -127,7 +127,7 @@ def measured_rendition(
 
 
 def _carried_share(design: Design) -> float:
-    """Return the share of the loads on pieces with a support; nan without loads. design : with its loose pieces.
+    """Return the share of the loads on pieces with a support; nan without loads. design : must have its loose pieces.
     A load without material acts on the nearest material."""
     if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan

@@ -48,7 +48,7 @@ RIVALS = {
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
     """Write data and chart of the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
-    All are judged on finer and finer meshes; the best pair of isotropic modes is found by one solve each.
+    All structures are judged on finer and finer meshes; single solves find the best pair of isotropic modes.
     coarser : factor on `EDGE`."""
     from dsfab.study import compare_at, full_at_many_shares
 

@@ -55,7 +55,7 @@ class MemberFaces:
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     """Return the faces of all bars and plates; for a plan without bars, the faces of all its members except fills.
-    A strip lies in its uppermost layer. A plank has two sides and an upper edge, a plate one side."""
+    A strip lies in its uppermost layer. Planks show two sides and an upper edge, plates one side."""
     assert plan.graph is not None
     if plan.bars:
         return bar_faces(plan, palette)

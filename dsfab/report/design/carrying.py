@@ -13,8 +13,8 @@ USUAL_SPAN_SHARE = 300  # a movement over 1/300 of the span is reported [EN 1990
 SHOWN_SUPPORTS = 6  # number of supports in a short table of reactions
 LEVEL = 1e-3  # a horizontal force below this share of the reaction is a rounding error
 OPPOSED = 0.1
-"""Horizontal forces of a support, as along a ring, are opposite if their resultant is below this share of their sum.
-The share of a foot is 0.4, because its vertices also hold the foot together."""
+"""Horizontal forces at a support, as along a ring, cancel out if their resultant is below this share of their sum.
+At a foot this share is 0.4, because its vertices also hold the foot together."""
 
 
 def verdict_line(name: str, carrying: "Carrying") -> str:
@@ -65,7 +65,7 @@ def carrying_notes(carrying: "Carrying") -> Iterator[str]:
 
 
 def reaction_lines(reactions: Sequence[Mapping[str, Any]], every: bool = False) -> list[str]:
-    """Return a table of the forces by which supports push (kN), from `carrying.reactions` of `design.json`.
+    """Return a table of the forces with which supports push (kN), from `carrying.reactions` of `design.json`.
     every : whether to list all cases; otherwise the table has only the largest reaction of the most loaded supports."""
     rows, several = list(reactions), len({row["case"] for row in reactions}) > 1
     if not every:

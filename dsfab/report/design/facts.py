@@ -201,7 +201,7 @@ def _attempt_facts(attempt: "Attempt") -> dict[str, Any]:
 
 
 def alternative_facts(alternatives: "Sequence[Alternative]") -> dict[str, Any]:
-    """Return the keys `alternatives` and `loses_to` of `design.json`; `loses_to` is a sentence or ''."""
+    """Return the keys `alternatives` and `loses_to` of `design.json`; `loses_to` names stiffer alternatives."""
     records = [alternative.record() for alternative in alternatives]
     return {"loses_to": losing_line(alternatives), "alternatives": records}
 

@@ -43,7 +43,7 @@ class SavedDesign(NamedTuple):
 
 
 class _WrittenFiles(NamedTuple):
-    """Names of files, lines about them, notes for `design.json`, and reasons for refused formats."""
+    """Names and reports of written files, notes for `design.json`, and reasons for refused formats."""
 
     names: list[str]
     reports: list[str]
@@ -137,7 +137,7 @@ def _alternatives(design: Design, progress: Progress) -> dict[str, Any]:
 
 
 def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
-    """Load the drawing libraries in another process while dsfab computes. picture : False does nothing."""
+    """Load the drawing libraries in another process while dsfab computes, if `picture` is true."""
     from dsfab.render.design_picture import start_picture_program
 
     return start_picture_program() if picture else nullcontext()
