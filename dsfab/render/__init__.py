@@ -1,4 +1,4 @@
-"""Pictures of designs and of their members; nothing here knows the commands of the program."""
+"""Pictures of designs and of their members."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Import pictures of members on first use, because other pictures need only half of the modules."""
+    """Import `dsfab.render.members` only if a caller uses its functions, because this import is slow."""
     if name not in __all__:
         raise AttributeError(f"module 'dsfab.render' has no attribute {name!r}")
     from dsfab.render import members

@@ -1,4 +1,4 @@
-"""The pictures of a build: one for clients, with supports as building parts, and one of loads and utilisation."""
+"""The two pictures of a build: preview.png for clients, and analysis.png with loads and utilisation."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -33,21 +33,21 @@ from dsfab.surface import LoadCase, Surface
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-CLIENT_LOOK = Look((1600, 1600))  # default style of a picture for clients
-ANALYSIS_LOOK = Look((800, 760))  # default style of each half of a picture of the analysis
-SMALLEST_BUILDING = 2.5  # size (m) below which a pencil shows the scale, because a person would dwarf the model
-MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of the main view and of the words, over the height of the picture
+CLIENT_LOOK = Look((1600, 1600))  # default style of preview.png
+ANALYSIS_LOOK = Look((800, 760))  # default style of each half of analysis.png
+SMALLEST_BUILDING = 2.5  # a pencil, not a person, shows the scale of models below this size (m)
+MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of main view and caption, divided by the picture's height
 MAIN_LIGHT, PANEL_LIGHT = LightQuality(8, 24, 6), LightQuality(2, 4, 1, 320, 192, (0.012, 0.05))
-"""Light of the large view, and of small views; half of the lamps take two thirds of the time."""
-LETTERS = 0.68  # size of letters over that of a picture as high as wide
-PANEL_SHARE = 0.84  # largest share of the width and of the height of a panel that a plan or an elevation fills
+"""Light of the main view, and of smaller views."""
+LETTERS = 0.68  # factor on the default size of letters
+PANEL_SHARE = 0.84  # a plan or an elevation fills at most this share of its panel's width and height
 WALL_VIEW = "24,9"  # azimuth and elevation (degrees) of the view of a standing plate
 
 
 @dataclass(frozen=True, eq=False)
 class ClientPicture:
-    """Data of a picture for clients, which a second process can draw.
-    V, F    : solid (n, 3) metres and (m, 3), outward oriented.    half : half its thickness (m).
+    """Data of preview.png, which a second process can draw.
+    V, F    : solid (n, 3) metres and (m, 3), outward oriented.    half : half of the sheet's thickness (m).
     surface, load : uncut surface and its supports.    caption : line below the picture."""
 
     V: Floats
@@ -66,12 +66,12 @@ class ClientPicture:
 
     @property
     def is_small(self) -> bool:
-        """True if a pencil shows the scale, because a person would dwarf the model."""
+        """True if a pencil, not a person, shows the scale."""
         return self.surface.size < SMALLEST_BUILDING
 
     @cached_property
     def stage(self) -> Stage:
-        """The main view of the solid, its supports (if it has any), and last a person or a pencil.
+        """Stage of the main view: first the solid, then the supports if there are any, last a person or a pencil.
         Raises DsfabError for a solid without faces."""
         if not len(self.F):
             raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")
@@ -99,8 +99,8 @@ class ClientPicture:
         return self.look.size[0], round(MAIN_SHARE * self.look.size[1])
 
     def render(self) -> Bytes:
-        """Return (height, width, 3) bytes: the whole building, then its plan and elevation at one scale.
-        This machine is not tested: if VTK cannot draw, it ends the process. Raises as `stage`."""
+        """Return (height, width, 3) bytes: the main view, and below it a plan and an elevation at one scale.
+        Call `require_rendering` first: VTK may end the process. Raises DsfabError for a solid without faces."""
         from PIL import Image
 
         palette, stage = self.look.palette, self.stage
@@ -113,7 +113,7 @@ class ClientPicture:
         return np.asarray(with_legend(page, line, palette, LETTERS))
 
     def _draw_panels(self, page: "Image", scene: Scene) -> float:
-        """Draw plan and elevation below the main view, and return their common scale (pixels per metre)."""
+        """Draw plan and elevation below the main view, and return their scale (pixels per metre)."""
         stage, palette, (width, top) = self.stage, self.look.palette, self._main_size
         size = width // 2, self.look.size[1] - top - round(WORDS_SHARE * self.look.size[1])
         sides = plan_and_elevation(np.concatenate([body.V for body in stage.bodies[:-1]]), self.up)
@@ -129,9 +129,9 @@ class ClientPicture:
 
 @dataclass(frozen=True, eq=False)
 class AnalysisPicture:
-    """Data of a picture of loads and supports, and beside it of the use of the cut sheet, for a second process.
-    loaded  : the left half, whose side, size and colours are also those of the right half.
-    V, F    : cut sheet (n, 3) metres and (m, 3).    faces : its colours, bar and caption.
+    """Data of analysis.png, which a second process can draw: loads and supports on the left, stress on the right.
+    loaded  : the left half; the right half has the same view, size and colours.
+    V, F    : cut sheet (n, 3) metres and (m, 3).    faces : colours of its faces, colour bar and caption.
     callouts: notes on places of the cut sheet."""
 
     loaded: StructurePicture
@@ -141,13 +141,13 @@ class AnalysisPicture:
     callouts: list[Callout]
 
     def render(self) -> Bytes:
-        """Return (height, width, 3) bytes. This machine is not tested: if VTK cannot draw, it ends the process."""
+        """Return (height, width, 3) bytes. Call `require_rendering` first: VTK may end the process."""
         loaded, faces = self.loaded, self.faces
         size, palette = loaded.look.size, loaded.look.palette
         body, annotations = Body(self.V, self.F, faces.face, casts=True), replace(loaded.annotations, layers=())
         stage = set_stage(body, loaded.side, loaded.up, loaded.half, annotations, palette, size)
         half = 0.86 * size[0] / size[1]
-        stage = replace(stage, view=fit_view(self.V, loaded.side, (-half, half, -0.6, 0.6)))  # room for bar and notes
+        stage = replace(stage, view=fit_view(self.V, loaded.side, (-half, half, -0.6, 0.6)))  # room for notes
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, PANEL_LIGHT)
         image = with_legend(image, legend(stage, faces.words, palette, size), palette)

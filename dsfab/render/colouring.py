@@ -25,25 +25,25 @@ ShownResult = Literal[
 ]  # fmt: skip
 
 STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
-"""Results of the statics, shown on the whole uncut sheet for which they were computed."""
+"""Results of the statics for the uncut sheet."""
 DEFORMED = ("displacement", "buckling", "frequency")  # results that are drawn as a deformed shape
-MODE_FIELDS = ("major_mode", "minor_mode")  # names of the modes; stripes are level lines of a mode
+MODE_FIELDS = ("major_mode", "minor_mode")  # pictures of the modes of both families
 WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)  # pictures of the uncut sheet, without stripes
-COLOUR_PERCENTILE = 98.0  # percentile of the stress at which the scale ends, below a few peaks under loads and supports
+COLOUR_PERCENTILE = 98.0  # the scale ends at this percentile of the stress, below the peaks at loads and supports
 
-# blue shows compression and red shows tension; both are equally dark, and colour-blind people can tell them apart
+# blue is compression and red is tension; colour-blind people can distinguish these two colours
 _DIVERGING = np.array(
     [(33, 80, 140), (84, 140, 190), (166, 200, 222), (240, 236, 228), (238, 190, 160), (210, 110, 80), (150, 38, 40)],
     dtype=np.float64,
 )
 
-# teal shows negative values and ochre positive values; neither is used for stress
+# teal is negative and ochre is positive, for values other than stress
 _SIGNED = np.array(
     [(0, 84, 82), (53, 151, 143), (160, 209, 200), (244, 241, 234), (223, 194, 125), (184, 122, 44), (112, 62, 8)],
     dtype=np.float64,
 )
 
-# large values are darker than small values, so that a grey print is readable
+# larger values are darker, so that a grey print is readable
 _RISING = np.array(
     [(240, 236, 228), (246, 208, 148), (232, 148, 84), (196, 80, 56), (128, 28, 52), (64, 10, 44)], dtype=np.float64
 )
@@ -52,7 +52,7 @@ _RISING = np.array(
 @dataclass(frozen=True, eq=False)
 class ColourBar:
     """Colour scale of a picture.
-    limit   : value at the right end; a scale of positive and negative values begins at -limit, else at 0.
+    limit   : value at the right end; the left end is -limit if values can be negative, else 0.
     labels  : labels below the left end, middle and right end.        names : labels above the left and right end.
     colours : (k, 3) from left to right.                              bands : number of steps; 0 for a smooth scale."""
 
@@ -65,8 +65,8 @@ class ColourBar:
 
 @dataclass(frozen=True, eq=False)
 class Colouring:
-    """Colours (m, 3) of a picture's faces as bytes, and the bar that explains them; no bar if they show no values.
-    V : (n, 3) vertices to draw (m); None for the vertices of the surface.    words : text for the caption."""
+    """Colours (m, 3) of a picture's faces as bytes, and its colour bar; None if the colours stand for no values.
+    V : (n, 3) vertices to draw (m); None draws the vertices of the surface.    words : text for the caption."""
 
     face: Bytes
     bar: ColourBar | None = None
@@ -77,19 +77,17 @@ class Colouring:
 def check_show(show: str) -> None:
     """Raise DsfabError unless `show` names a picture that a `Previewer` can draw."""
     if show == "fabrication":
-        raise DsfabError("show 'fabrication' is measured on the finished solid: ask dsfab preview for it alone")
+        raise DsfabError("show 'fabrication' needs the finished solid; use it without other pictures, in dsfab preview")
     if show == "members":
-        raise DsfabError("show 'members' names the parts of the finished sheet: ask dsfab preview for it alone")
+        raise DsfabError("show 'members' needs the finished sheet; use it without other pictures, in dsfab preview")
     if show not in get_args(ShownResult):
         raise DsfabError(f"show {show!r} is not known; use one of {', '.join(get_args(ShownResult))}")
 
 
 def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
-    """Return the colours of the uncut surface's faces.
-
-    The picture `stress` shows the larger principal stress of each face, tension positive.
-    For results of the statics see `answer_colouring`. Raises DsfabError for a result that the preset does not request.
-    """
+    """Return the colours of the uncut surface's faces; see `answer_colouring` for results of the statics.
+    The picture `stress` shows the principal stress with the larger absolute value, tension positive.
+    Raises DsfabError for a result that the preset does not request."""
     if show in STATICS_RESULTS:
         return answer_colouring(design, show)
     if show == "stress":
@@ -116,7 +114,7 @@ def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
 
 def _mode_colouring(design: "Design", show: str) -> Colouring:
     if design.pattern.even:
-        raise DsfabError("evenly spaced stripes run along no mode; show structure, families or directions instead")
+        raise DsfabError(f"show {show!r} needs stripes on modes; show structure, families or directions instead")
     name = show.removesuffix("_mode")
     modes = getattr(design.diffusion, name)
     number = getattr(design.preset.pattern, name).mode
@@ -129,14 +127,14 @@ def _mode_colouring(design: "Design", show: str) -> Colouring:
 
 
 def mode_gradient(design: "Design", show: str) -> Floats:
-    """Return the gradient (m, 3) of a mode on each face (1/m); stripes are perpendicular to it."""
+    """Return the gradient (m, 3) of a mode on each face (1/m). show : `major_mode` or `minor_mode`."""
     surface, name = design.surface, show.removesuffix("_mode")
     value = getattr(design.diffusion, name).mode(getattr(design.preset.pattern, name).mode)
     return np.asarray(np.einsum("mia,mi->ma", hat_gradients(surface), value[surface.F]))
 
 
 def band_limit(limit: float) -> tuple[float, int]:
-    """Return a round upper end for a colour scale that includes `limit`, and the number of its bands, 4 to 10."""
+    """Return a round number from `limit` upwards as the end of a colour scale, and a number of bands from 4 to 10."""
     if not limit > 0:
         return 1.0, 4
     step = round_length(limit / 4)
@@ -145,22 +143,22 @@ def band_limit(limit: float) -> tuple[float, int]:
 
 
 def diverging_colours(share: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for stresses as shares of the scale's limit, from -1 (compression) to 1 (tension)."""
+    """Return colours (k, 3) for stresses (k,), scaled to -1 (compression) and 1 (tension) at the ends of the bar."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING, bands)
 
 
 def rising_colours(share: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for values as shares of the scale's limit, from 0 to 1."""
+    """Return colours (k, 3) for positive values (k,), scaled to 1 at the end of the colour bar."""
     return ramp(np.clip(share, 0, 1), _RISING, bands)
 
 
 def signed_colours(share: Floats) -> Bytes:
-    """Return colours (k, 3) for values that are not stress, as shares of the scale's limit, from -1 to 1."""
+    """Return colours (k, 3) for values (k,) other than stress, scaled to -1 and 1 at the ends of the colour bar."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
 
 
 def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for values (k,) from 0 to 1 along `colours` (q, 3), in `bands` equal steps or smoothly."""
+    """Interpolate `colours` (q, 3) at values (k,) from 0 to 1, smoothly or in `bands` equal steps."""
     if bands:
         share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
     place, positions = share * (len(colours) - 1), np.arange(len(colours))
@@ -200,12 +198,12 @@ def with_bar(image: "Image", bar: ColourBar, palette: Palette) -> "Image":
     return image
 
 
-EXAGGERATION = 0.08  # largest drawn displacement of a vertex, over the size of the surface
+EXAGGERATION = 0.08  # largest drawn displacement of a vertex, divided by the size of the surface
 YIELD_COLOUR = (96, 40, 150)  # violet for faces whose stress exceeds the strength; the colour scale has no violet
 
 
 def preset_with_mode(preset: "Preset", show: str) -> "Preset":
-    """Return the preset, with a request for the buckling mode or frequency that the picture needs."""
+    """Return the preset with a request for a buckling mode or a frequency if the picture `show` needs this result."""
     from dsfab.preset.file import with_overrides
 
     key = {"buckling": "buckling", "frequency": "frequencies"}.get(show)
@@ -234,7 +232,7 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
 
 
 def utilisation_colouring(share: Floats, words: str) -> Colouring:
-    """Return colours of faces for shares (m,) of the strength; faces above the strength are violet."""
+    """Return colours of faces for utilisations (m,), violet above 1. words : for the caption."""
     limited = np.minimum(share, 1.0)
     shown = scaled_colouring(limited, lambda value: f"{value:.2g}" if value < 0.01 else f"{value:.0%}", words)
     face = np.where((share > 1)[:, None], np.array(YIELD_COLOUR, dtype=np.uint8), shown.face)
@@ -242,14 +240,14 @@ def utilisation_colouring(share: Floats, words: str) -> Colouring:
 
 
 def energy_label(joules: float) -> str:
-    """Return an energy in words: "12 J/m2", "3.1 kJ/m2", "40 mJ/m2"."""
+    """Return an energy per area in words: "12 J/m2", "3.1 kJ/m2", "40 mJ/m2"."""
     units = ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ"))
     factor, unit = next(((f, u) for f, u in units if abs(joules) >= f), (1e-6, "uJ"))
     return f"{joules / factor:.3g} {unit}/m2"
 
 
 def scaled_colouring(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
-    """Return colours of faces for values (m,) from 0 up, with a bar whose ends have labels. words : for the caption."""
+    """Return colours of faces for positive values (m,), and a colour bar labelled by `label`. words : caption."""
     limit, bands = band_limit(float(np.percentile(value, COLOUR_PERCENTILE)))
     bar = ColourBar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""), bands=bands)
     return Colouring(rising_colours(value / limit, bands), bar, None, words)
@@ -277,7 +275,7 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # in the load's direction
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # moves along the load
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

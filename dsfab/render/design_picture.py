@@ -1,4 +1,4 @@
-"""The picture of a whole design with its caption, for its folder of files or for a notebook."""
+"""Pictures of a whole design with captions, for the folder of a build and for notebooks."""
 
 import os
 import pickle
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 def caption(design: Design) -> str:
     """Return the caption of a design's picture: name, kept share, thickness, mass and number of pieces.
-    It ends with a warning if the design is known not to carry its loads."""
+    The caption ends with a warning if the design has a verdict and does not carry its loads."""
     pieces, judged = design.solid.pieces, design.existing_result("carrying")
     warning = " - DOES NOT CARRY ITS LOADS" if judged and judged.faults else ""
     share = design.sheet.surface.area / design.surface.area
@@ -46,13 +46,13 @@ def caption(design: Design) -> str:
 
 
 def client_picture(design: Design, look: Look = CLIENT_LOOK) -> ClientPicture:
-    """Return the data of the picture for clients. Raises DsfabError for an impossible design."""
+    """Return the data of preview.png. Raises DsfabError for an impossible design."""
     solid, half = design.solid, design.preset.statics.thickness / 2
     return ClientPicture(solid.V, solid.F, half, design.surface, design.load, caption(design), look)
 
 
 def analysis_picture(design: Design, judged: "Carrying", look: Look = ANALYSIS_LOOK) -> AnalysisPicture:
-    """Return the data of the picture of loads, supports and the use of the cut sheet. look : of each half."""
+    """Return the data of analysis.png: loads, supports, and utilisation of the cut sheet. look : style of each half."""
     surface, palette, strength = design.sheet.surface, look.palette, design.preset.statics.strength
     total = float(np.linalg.norm(design.load.force.sum(axis=0)))
     loaded = structure_drawing(design, marks=("loads", "supports", "person"), size=look.size)
@@ -103,7 +103,7 @@ def structure_drawing(
     )
 
 
-SECONDS = 600.0  # time limit for the process that draws, from the moment at which the caller waits for it
+SECONDS = 600.0  # longest time that `Pictures.finish` waits for the process that draws
 _STARTED_PROGRAM: ContextVar[PreparedProgram | None] = ContextVar("_AHEAD", default=None)
 
 
@@ -124,7 +124,7 @@ def start_picture_program() -> Iterator[None]:
 
 @dataclass
 class Pictures:
-    """Pictures that a second process draws; without a program or if it fails, `finish` draws them itself."""
+    """Pictures that a second process draws. Without this process, or after its failure, `finish` draws the pictures."""
 
     program: PreparedProgram | None = None
     folder: str = ""
@@ -139,7 +139,7 @@ class Pictures:
             self.program.send(str(file), str(path))
 
     def add_verdict(self, design: Design, judged: "Carrying", folder: Path) -> None:
-        """Start to draw analysis.png, and again preview.png if its caption must say that the design does not carry."""
+        """Start to draw analysis.png, and preview.png again if its caption must warn that the loads are not carried."""
         self.add(analysis_picture(design, judged), folder / "analysis.png")
         if judged.faults:
             self.add(client_picture(design), folder / "preview.png")
@@ -156,9 +156,9 @@ class Pictures:
 
 @contextmanager
 def pictures_in_background() -> Iterator[Pictures]:
-    """Yield pictures that a second process draws if this machine has more than one core.
+    """Yield `Pictures`; a second process draws them if this machine has more than one core.
     Raises DsfabError if this machine cannot draw."""
-    require_rendering()  # sets VTK's kind of window in the environment of both processes
+    require_rendering()  # both processes take the chosen kind of window from the environment
     if (os.cpu_count() or 1) == 1:
         yield Pictures()
         return
@@ -166,7 +166,7 @@ def pictures_in_background() -> Iterator[Pictures]:
         temporary_folder("dsfab-picture") as folder,
         _STARTED_PROGRAM.get() or PreparedProgram(picture_program.__file__) as program,
     ):
-        _STARTED_PROGRAM.set(None)  # later pictures need a new program
+        _STARTED_PROGRAM.set(None)  # each call needs its own process
         yield Pictures(program, folder)
 
 
@@ -174,7 +174,7 @@ NOTEBOOK_SIZE = (800, 600)  # size of a picture in a notebook (pixels)
 
 
 def inline_picture(design: Design) -> bytes | None:
-    """Return PNG bytes of a design's solid or of its preview. If this machine cannot draw, warn and return None."""
+    """Return PNG bytes of a design's solid, or of its preview. If this machine cannot draw, warn and return None."""
     try:
         if design.has("thickening"):
             require_rendering()

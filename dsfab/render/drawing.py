@@ -1,4 +1,4 @@
-"""The drawing of a scene: structure, marks, ground and camera, then light, shadows and edge lines."""
+"""The drawing of a scene: structure, marks, ground and camera; then light, shadows and edge lines."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -19,21 +19,19 @@ from dsfab.surface import LoadCase, Surface
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")
-"""Names of the marks that can stand beside a structure."""
-LAYERS = ("loads", "supports", "person")  # names of the marks that a picture shows by default
+EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")  # all marks beside a structure
+LAYERS = ("loads", "supports", "person")  # marks that a picture shows by default
 PERSON_RANGE = (2.0, 60.0)  # least and largest height (m) of a structure that has a person beside it
-
 PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0  # heights of the person and of the tree (m)
 
 
 @dataclass(frozen=True, eq=False)
 class Annotations:
     """Marks beside a structure.
-    surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither of them.
+    surface, load : uncut surface and its loads, for arrows, supports and the ground; give both or neither.
     reaction      : (n, 3) forces of the supports on the structure (N).
-    gradient      : (m, 3) on each face; only its direction and relative size are visible.
-    layers        : names from `EVERY_LAYER`; a person appears only beside heights in `PERSON_RANGE`."""
+    gradient      : (m, 3) gradient of a mode on each face, drawn as arrows.
+    layers        : names from `EVERY_LAYER`; a person stands only beside structures with a height in `PERSON_RANGE`."""
 
     surface: Surface | None = None
     load: LoadCase | None = None
@@ -74,7 +72,7 @@ def set_stage(
         bodies += [Body(*mesh, palette.colour_bytes(name)) for name, mesh in mark_meshes.items() if len(mesh[1])]
         stands = _stands_on_ground(surface, load, V, up, reach)
         if stands and "supports" in annotations.layers:
-            # support cones stand on the ground; arrows below them pass through the ground
+            # the ground is at the base of the support cones
             level -= marks.CONE_HEIGHT * reach
     if side.front:
         level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # a board behind a plate
@@ -92,14 +90,14 @@ def set_stage(
 def page_view(
     bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False
 ) -> View:
-    """Return the view in which bodies fill a page. Below them is a strip for words, or for words and a colour scale."""
+    """Return the view in which bodies fill a picture, above a strip for words, or for words and a colour scale."""
     aspect = size[0] / size[1]
     half, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
     return fit_view(np.concatenate([body.V for body in bodies]), side, (-half * aspect, half * aspect, bottom, top))
 
 
 def _stands_on_ground(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
-    """Return whether the structure has its supports below it, at its lowest points, or has no supports."""
+    """Return whether the supports are the lowest points of the structure; True without supports."""
     if not load.supported.any():
         return True
     lowest, height = float((V @ up).min()), float(np.ptp(V @ up))
@@ -130,7 +128,7 @@ def _marks(
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Return the caption, names of marks and scale of a picture. The scale is exact at the structure's middle."""
+    """Return the caption, names of marks and scale of a picture. The scale is exact at the middle of the structure."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     colours = [body.colour for body in stage.bodies[1:]]
@@ -170,8 +168,8 @@ _LEG = [
 ]  # fmt: skip
 
 GroundKind = Literal["paper", "white", "transparent"]  # ground of a picture
-FINER = light.FINE.finer  # side of a fine drawing over the side of its picture, whose pixels are means of the drawing's
-EDGE_COSINE = np.float32(0.87)  # largest cosine of the angle between two faces whose common edge is drawn as a line
+FINER = light.FINE.finer  # factor by which a picture is drawn larger and then reduced, for smooth edges
+EDGE_COSINE = np.float32(0.87)  # an edge is drawn as a line if the normals of its faces have a smaller cosine
 
 
 def check_ground(ground: str) -> None:
@@ -188,7 +186,7 @@ def render_stage(
     quality: light.LightQuality = light.FINE,
     transparent: bool = False,
 ) -> "Image":
-    """Return the picture without words. On transparent ground, shadows are the only opaque part of the floor."""
+    """Return the picture without words. transparent : whether to draw only shadows in place of the ground."""
     from PIL import Image
 
     finer = quality.finer
@@ -259,9 +257,8 @@ def _codes(colours: Bytes) -> Ints:
 
 
 def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
-    """Return line strengths (h, w) 0..1 where normals turn, or depth jumps by more than `jump` times the stage's
-    radius. Lines lie on the nearer of two pixels, and so on the body whose edge they show (Saito and Takahashi 1990).
-    """
+    """Return the strength (h, w) of edge lines, 0..1, where normals turn or the depth jumps (Saito and Takahashi 1990).
+    A line lies on the nearer of two pixels. jump : least jump of the depth, in units of `Scene.radius`."""
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows need less memory than the whole picture
         columns = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))
@@ -286,7 +283,7 @@ def _strip_edge_strengths(depth: Floats32, normal: Bytes, jump: float) -> Floats
         inner = tuple(slice(1, -1) if a == axis else slice(None) for a in range(2))
         head_depth, tail_depth = flat[head], flat[tail]
         step = np.abs(head_depth - tail_depth)
-        # depth also changes along a slanted face, but there the neighbouring pixels change by the same step
+        # a slanted face has equal steps of depth from pixel to pixel, an edge has not
         steady = np.full_like(flat, np.inf)
         steady[inner] = np.minimum(step[head], step[tail])
         excess = step - 2 * np.minimum(steady[head], steady[tail])

@@ -1,4 +1,4 @@
-"""The picture for the workshop: a solid that shows where its smallest member, gap, wall and edge are."""
+"""The picture for the workshop: a solid with notes on its smallest member, gap, wall and edge."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,13 +22,12 @@ if TYPE_CHECKING:
     from dsfab.design.design import Design
     from dsfab.study.fabrication import Check, FabricationMeasures
 
-LIMIT_KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}
-"""Names of the marked features, and the keys of their limits in the preset."""
+LIMIT_KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}  # preset keys by feature
 
 
 @dataclass(frozen=True, eq=False)
 class Callout:
-    """A note at a place (3,) in metres: two lines of text, and the colour of the ring around the place."""
+    """A note on a place (3,) in metres: two lines of text, and the colour of a ring around the place."""
 
     place: Floats
     lines: tuple[str, str]
@@ -44,7 +43,7 @@ def workshop_picture(
     ground: GroundKind = "paper",
     palette: Palette = PAPER,
 ) -> Bytes:
-    """Return a design's solid in a pale colour with its fabrication measures, (height, width, 3 or 4) bytes.
+    """Return a picture of a design's solid with its fabrication measures, (height, width, 3 or 4) bytes.
     Raises DsfabError if this machine cannot draw."""
     check_ground(ground)
     require_rendering()
@@ -73,7 +72,7 @@ def write_workshop_picture(
 
 
 def callouts(measures: "FabricationMeasures", palette: Palette) -> list[Callout]:
-    """Return a note for each measure, with the preset's limit and the verdict; notes of failed limits are red."""
+    """Return a note for each measure, with its limit in the preset and a verdict; notes on failed limits are red."""
     features = measures.features
     measured: dict[str, tuple[float, Floats]] = {
         name: (feature.size, feature.place)
@@ -109,7 +108,7 @@ def _bed_text(measures: "FabricationMeasures") -> str:
 
 
 def with_callouts(image: "Image", callouts: list[Callout], view: View, palette: Palette) -> "Image":
-    """Return the picture with rings around measured places, and with notes, whose lines to the rings do not cross."""
+    """Return the picture with a ring at each measured place, and a note with a line to this ring; no lines cross."""
     from PIL import Image, ImageDraw, ImageFont
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist

@@ -49,7 +49,7 @@ PAPER = Palette()  # terracotta on white paper; colour-blind people can tell blu
 
 @dataclass(frozen=True)
 class Legend:
-    """Caption, names of marks, pixels per metre for the scale bar, and swatches: further names with their colours."""
+    """Caption, names of marks, pixels per metre for the scale bar, and swatches: colours with names."""
 
     caption: str
     names: list[MarkName]
@@ -156,14 +156,14 @@ def _mark_sign(draw: "ImageDraw", name: MarkName, palette: Palette, place: tuple
     return start + draw.textlength(name, font=font)
 
 
-GRID_PIXELS = 4  # cell size (pixels) of the grid that records occupied places
+GRID_PIXELS = 4  # cell size (pixels) of the grid that records occupied areas
 NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)  # tried distances of a name from its member, in letter heights
-NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # directions from a member to try for its name
+NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # tried directions of a name from its member
 
 
 @dataclass(frozen=True, eq=False)
 class Nameplate:
-    """Coloured name of a member. places : (k, 2) pixels, best first. visible : (k,) mask of uncovered places."""
+    """Coloured name of a member. places : (k, 2) possible places (pixels), best first. visible : (k,) not covered."""
 
     text: str
     colour: Colour

@@ -1,5 +1,5 @@
-"""Light of pictures: many small lamps with shadow maps make a sun with a soft edge, an overcast sky and a faint floor.
-A lamp lights the points that it sees (Williams 1978, shadow maps); the mean of many lamps gives soft shadows."""
+"""Light of pictures by many lamps with shadow maps: a sun, an overcast sky, and faint light from below.
+A lamp lights the points that it sees (Williams 1978). Many lamps together give soft shadows."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -11,14 +11,14 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
-GRAIN = 1.2  # radius (map pixels) of random offsets at which a map is read; they turn its steps into a fine grain
-SURFACE_LIFT = 2.5  # height of lit points above their surface, over a map pixel; otherwise map steps would cast shadows
-LARGEST_DEPTH = np.float32(0.9999)  # largest depth that counts as a body; a map pixel without a body has depth 1
+GRAIN = 1.2  # largest random offset (map pixels) for reading a shadow map; it turns steps into a fine grain
+SURFACE_LIFT = 2.5  # points are lit at this height (map pixels) above their surface, else map steps cast shadows
+LARGEST_DEPTH = np.float32(0.9999)  # a map pixel with a larger depth sees no body
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
 def frame_towards(towards: Floats) -> Floats:
-    """Return three unit vectors as rows: two vectors square to the direction `towards` (3,), then this direction."""
+    """Return three orthogonal unit vectors as rows; the third is `towards` (3,)."""
     across = np.cross(np.eye(3)[np.argmin(np.abs(towards))], towards)
     across /= np.linalg.norm(across)
     return np.stack([across, np.cross(towards, across), towards])
@@ -26,9 +26,9 @@ def frame_towards(towards: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """Shadow maps of b lamps. One matrix product serves all of them, because many small products are slow.
+    """Shadow maps of b lamps. A single matrix product serves all lamps, because many small products are slow.
     maps    : (b, s, s) depth from each lamp, see `Scene.lamp`.
-    placing : (3 b, 6) matrix from a point, its random offset (see `GRAIN`) and 1 to map columns, map rows and depths.
+    placing : (3 b, 6) matrix that turns (point, random offset, 1) into columns, rows and depths of the maps.
     towards : (b, 3) unit vectors times the strengths of the lamps."""
 
     maps: Floats32
@@ -52,7 +52,7 @@ class ShadowMaps:
         return cls(maps, placing.reshape(-1, 6).astype(np.float32), weighed.astype(np.float32))
 
     def light_on(self, points: Floats32, normals: Floats32, grain: Floats32) -> Floats32:
-        """Return the light (k,) on points and normals (3, k) in scene units; grain : (2, k or more) see `GRAIN`."""
+        """Return the light (k,) on points (3, k) with normals (3, k), scene units. grain : (2, k) random offsets."""
         count, side = self.maps.shape[:2]
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
@@ -78,7 +78,7 @@ class ShadowMaps:
         return np.asarray(light.sum(axis=0))
 
 
-LIGHT_SHARES = (0.60, 0.44, 0.14)  # light of the sun, the sky and the floor on a surface that is square to the light
+LIGHT_SHARES = (0.60, 0.44, 0.14)  # light of sun, sky and floor on a surface that faces the light
 AMBIENT = 0.10  # light at every point
 CHUNK = 1 << 15  # number of points coloured together; their arrays fit the processor's cache
 TILE = 1 << 10  # number of points lit together by twenty lamps; their arrays fit the processor's cache
@@ -87,7 +87,7 @@ TILE = 1 << 10  # number of points lit together by twenty lamps; their arrays fi
 @dataclass(frozen=True)
 class LightQuality:
     """Lamps and their maps. sun, sky, below : number of lamps in the sun, in the sky, and below the structure.
-    sharp : side of the sun's maps (pixels), whose shadows are sharper.    coarse : side of all other maps.
+    sharp : side of the sun's maps (pixels).    coarse : side of all other maps (pixels).
     blur  : blur of shadows on the floor, divided by the picture's height: for the sun, and for all other lamps.
     finer : factor by which a picture is drawn larger and then reduced, for smooth edges."""
 
@@ -105,19 +105,19 @@ class LightQuality:
         return 4 * (self.sun * self.sharp**2 + (self.sky + self.below) * self.coarse**2)
 
     def fitting(self, height: int) -> "LightQuality":
-        """Return the quality for a picture with `height` rows; maps need not be finer than the picture."""
+        """Return this quality with smaller maps for a picture of few pixels. height : rows of the picture."""
         sharp, coarse = max(320, 2 * height), max(256, round(1.3 * height))
         return replace(self, sharp=min(self.sharp, sharp), coarse=min(self.coarse, coarse))
 
 
 FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
-"""Quality of a single picture, and of a picture among a hundred."""
+"""Quality of a single picture, and of each of many pictures."""
 ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)  # quality of a picture that another soon replaces
 
 
 @dataclass(frozen=True, eq=False)
 class Lamps:
-    """Lamps in directions (k, 3), the sun first. strength : (k,) light on a surface square to the lamp's direction."""
+    """Lamps in directions (k, 3), the sun first. strength : (k,) light on a surface that faces the lamp."""
 
     towards: Floats
     strength: Floats
@@ -130,7 +130,8 @@ class Lamps:
 
 
 def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
-    """Return the lamps of a view: a sun behind the viewer's left shoulder, a sky, and a floor with a normal (3,)."""
+    """Return the lamps of a view: the sun behind the viewer's left shoulder, the sky, and light from below.
+    floor : (3,) unit normal of the floor."""
     back = -view.forward
     level = back - (back @ floor) * floor
     level /= max(float(np.linalg.norm(level)), 0.2)
@@ -148,7 +149,7 @@ def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
 
 
 def _cap(count: int, half_angle: float) -> Floats:
-    """Return unit vectors (count, 3), evenly spread over a cap of the sphere around the third axis (golden spiral)."""
+    """Return unit vectors (count, 3), spread evenly around the third axis within an angle (golden spiral)."""
     index = np.arange(count) + 0.5
     z = 1 - index / count * (1 - np.cos(half_angle))
     turn = index * np.pi * (3 - np.sqrt(5))
@@ -158,8 +159,8 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
     """Return the light (2, k) of the sun and of all other lamps on points (3, k) with normals (3, k), in scene units.
-    paired : the first `paired` points form pairs, each within a pixel of the final picture. Half of the sky lamps
-             light the first point of a pair, and the other half light the second, with double strength."""
+    paired : the first `paired` points are pairs of neighbours. Half of the sky lamps, with double strength, light the
+             first point of each pair. The other half light the second point."""
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
     quality, numbers = all_lamps.quality, np.arange(len(all_lamps.strength))
@@ -191,7 +192,7 @@ def _add_light(
 
 
 def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
-    """Return slopes (w,) and (h,) of the rays through the pixels, along `view.right` and `view.up`."""
+    """Return slopes (w,) and (h,) of the lines of sight through the pixels, along `view.right` and `view.up`."""
     x = (2 * np.arange(width) + 1 - width) / height * view.slope
     y = -(2 * np.arange(height) + 1 - height) / height * view.slope
     return x.astype(np.float32), y.astype(np.float32)
@@ -200,8 +201,8 @@ def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
 def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
-    """Return the light (k,) on the k drawn pixels, and on the floor (h, w), divided by the floor's unshaded light.
-    The floor is the plane at `level` along its normal `floor`, in scene units; without a level there is none."""
+    """Return the light (k,) on the k drawn pixels, and the light (h, w) on the floor divided by its unshaded light.
+    floor : (3,) normal of the floor.    level : its height along this normal, scene units; None without a floor."""
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
     if level is None:
@@ -218,8 +219,8 @@ def pixel_and_floor_light(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points and normals (3, k + spare) of the k drawn pixels, in scene units; `spare` last columns are empty.
-    Points are ordered by strips of rows, so that neighbours are close in memory; this saves two thirds of the time."""
+    """Return points and normals (3, k + spare) of the k drawn pixels, in scene units; the last `spare` are empty.
+    Points are in the order of strips of rows: neighbours are close in memory, which saves two thirds of the time."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):
         _strip_points(scene, view, pixels, hit, rows, (points[:, pixel_range], normals[:, pixel_range]))
@@ -269,14 +270,14 @@ def _floor_points(
     fall = ray @ floor
     distance = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
     points = eye + np.where(np.isfinite(distance), distance, 0.0)[:, :, None] * ray
-    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # scene units; farther points are lit
+    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # scene units; the floor beyond is lit
     return points[is_near].T.astype(np.float32), is_near
 
 
 def _floor_share(
     light: Floats32, floor_pixels: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
 ) -> Floats32:
-    """Return the light (h, w) on the floor, divided by its unshaded light. Blur hides that the lamps are few."""
+    """Return the light (h, w) on the floor, divided by its unshaded light, with blurred shadows."""
     from scipy.ndimage import gaussian_filter  # this import is slow
 
     total = sum(open_light)

@@ -21,7 +21,7 @@ MarkMesh = tuple[Floats, Ints]  # vertices (n, 3) in metres, and faces (m, 3)
 
 @dataclass(frozen=True)
 class Spacing:
-    """Limits on marks: least distance `apart`, as a share of the structure's size, and largest number `most`."""
+    """Least distance `apart` between marks, divided by the structure's size, and largest number `most` of marks."""
 
     apart: float
     most: int
@@ -32,15 +32,13 @@ POINT_LOAD_SPACING = Spacing(0.07, 16)
 SUPPORT_SPACING = Spacing(0.05, 40)
 GRADIENT_SPACING = Spacing(0.055, 160)
 
-CONE_HEIGHT = 0.026  # height of a support cone, as a share of the structure's size
-LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06
-"""Length of the longest arrow of a point load, a spread load and a gradient, over the structure's size."""
+CONE_HEIGHT = 0.026  # height of a support cone, divided by the structure's size
+LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06  # longest arrows, divided by the structure's size
 
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
-    """Return indices of a few of the points (k, 3), evenly spaced, each in the middle of its neighbourhood.
-    The search takes the farthest points first (Gonzalez 1985), then moves each to the middle of its patch (Lloyd 1982).
-    """
+    """Return the indices of a few evenly spaced points among points (k, 3). size : size of the structure (m).
+    The farthest points are chosen first (Gonzalez 1985), then moved to the middle of their patches (Lloyd 1982)."""
     chosen_list = [0]
     distances = np.linalg.norm(points - points[0], axis=1)
     while len(chosen_list) < spacing.most:
@@ -68,9 +66,9 @@ class ForceArrows:
 
 def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye: Floats, up: Floats) -> MarkMesh:
     """Return a few slim arrows for the loads: each shows the force on the vertices nearest to it.
-    size : size of the structure (m).   lift : half its thickness (m), so that arrows touch the skin of the solid.
-    eye  : (3,) unit vector towards the eye: arrows along the surface are on its visible side.
-    up   : (3,) unit vector: arrows on an open sheet are on its upper side, whatever the direction of its faces."""
+    size : size of the structure (m).   lift : half of its thickness (m).
+    eye  : (3,) unit vector towards the eye: arrows along the surface lie on its visible side.
+    up   : (3,) unit vector: arrows on an open sheet lie on its upper side, for any direction of its faces."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V, at_points, elsewhere = surface.V, acts & load.loaded, acts & ~load.loaded
     points = _gathered_forces(V, load.force, at_points, POINT_LOAD_SPACING, LONGEST_POINT * size, size)
@@ -80,7 +78,7 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     along = pull / np.linalg.norm(pull, axis=1, keepdims=True)
     normal = surface.vertex_normals[vertices] * _outer(surface, up)
     out = np.einsum("ki,ki->k", along, normal)
-    # the tip of a pressure arrow or the tail of a suction arrow touches the surface; other arrows are above it
+    # pressure arrows touch the surface with their tip, suction arrows with their tail; other arrows lie above
     level = np.abs(out) < 0.3
     away = np.where(level, np.where(normal @ eye < 0, -1.0, 1.0), -np.sign(out))[:, None] * normal
     away[out > 0.3] *= -1
@@ -90,7 +88,7 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
 
 
 def _outer(surface: Surface, up: Floats) -> float:
-    """Return -1 if the faces of an open sheet look down on average, else 1: loads press on a roof from above."""
+    """Return -1 if the normals of an open sheet point down on average, else 1."""
     return -1.0 if not surface.is_closed and float(surface.areas @ (surface.normals @ up)) < 0 else 1.0
 
 
@@ -105,7 +103,7 @@ def _gathered_forces(
     owner = _nearest(points, points[taken])
     pull = group_sums(owner, force[vertices], len(taken))
     amount = np.linalg.norm(pull, axis=1)
-    is_drawn = amount > 1e-6 * amount.max()  # forces in a patch may cancel each other
+    is_drawn = amount > 1e-6 * amount.max()  # forces of a patch may cancel out
     long = longest * (0.35 + 0.65 * np.sqrt(amount[is_drawn] / amount.max()))
     return ForceArrows(vertices[taken][is_drawn], pull[is_drawn], long)
 
@@ -151,7 +149,7 @@ def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float
 
 
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
-    """Return the unit vector (3,) along an axis from the structure to its supports; down for supports on all sides."""
+    """Return the unit vector (3,) along a coordinate axis towards the supports; down if they lie on several sides."""
     offsets = surface.V[load.supported] - centroid(surface)
     # evenly spaced points make the mean independent of the mesh density
     offset = offsets[thin_points(offsets, size, SUPPORT_SPACING)].mean(axis=0)
@@ -190,7 +188,7 @@ def _cone() -> MarkMesh:
 
 _CROWN = ((0.0, 0.0, 0.3, 0.5), (0.15, 0.05, 0.42, 0.36), (-0.13, 0.11, 0.46, 0.34), (-0.02, -0.12, 0.55, 0.34),
     (0.03, 0.04, 0.64, 0.36))  # fmt: skip
-"""Balls of foliage of a tree of height 1: lowest point of each ball (right, back, height), and its diameter."""
+"""Balls of foliage of a tree of height 1: lowest point (right, back, height) and diameter of each ball."""
 
 
 def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
@@ -208,9 +206,8 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
 
 
 def place_beside(V: Floats, side: ViewSide, up: Floats, level: float, which: float = 1.0) -> tuple[Floats, Floats]:
-    """Return a place (3,) on the ground to the right of vertices V (n, 3), nearer to the eye than their middle, and the
-    unit vector (3,) to the right. level : height of the ground (m). which : -1 for a place to the left, farther away.
-    """
+    """Return a place (3,) on the ground to the right of vertices V (n, 3) and in front, and the unit vector (3,) right.
+    level : height of the ground (m).    which : 1, or -1 for a place to the left and behind."""
     right = unit_vectors(np.cross(side.up, side.towards)[None])[0]
     x, y, front = V @ right * which, V @ np.cross(right, up), np.cross(right, up)
     gap = max(0.03 * float(np.ptp(x)), min(0.6, 0.12 * float(np.ptp(x))))
@@ -241,15 +238,14 @@ def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Float
     return copies.reshape(-1, 3), shifted.reshape(-1, 3)
 
 
-CROSS_SPACING = Spacing(0.034, 500)  # limits on the number of crosses, because many crosses take long to draw
-BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of a bar of a cross, over the distance between crosses
+CROSS_SPACING = Spacing(0.034, 500)  # few crosses, because many take long to draw
+BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of a bar, divided by the distance between crosses
 
 
 def crosses(design: "Design", palette: Palette) -> Body:
-    """Return crosses of two bars along the two directions of diffusion at evenly spaced places, except in isotropic
-    faces.
-    Blue is compression and red is tension. Stress of combined cases has no sign: there, red is the first direction.
-    Raises DsfabError if no face has a direction: at r = 1, or without a stress."""
+    """Return crosses of two bars along the directions of diffusion, at evenly spaced places on anisotropic faces.
+    Blue is compression, red is tension. For combined cases red is the first direction and blue the second.
+    Raises DsfabError if all faces are isotropic: at r = 1, or without a stress."""
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"
@@ -257,11 +253,11 @@ def crosses(design: "Design", palette: Palette) -> Body:
     places = thin_points(surface.centroids, surface.size, CROSS_SPACING)
     apart = float(np.sqrt(1.3 * surface.area / len(places)))  # distance between neighbouring crosses
     places = places[~tensors.isotropic[places]]
-    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # eigenvectors of r; the other eigenvalues are 0 and 1
+    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # eigenvectors of the eigenvalue r
     normal = surface.normals[places]
     directions = np.concatenate([along, np.cross(normal, along)])
     vertices, faces = _bars(np.tile(surface.centroids[places], (2, 1)), directions, np.tile(normal, (2, 1)), apart)
-    if design.preset.combines:  # the stress may be tension in one case and compression in another
+    if design.preset.combines:  # cases may have stress of different signs
         red = (np.arange(2 * len(places)) < len(places))[:, None]
         colour = np.where(red, *(np.array(tint, dtype=np.uint8) for tint in palette.tints[:2]))
     else:

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 
 def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
-    """Return a report on all members, ready for JSON. `members` have a name, a length and a width (m), the largest
-    curvature (1/m), and points `places` [x, y, z, ...]. Points are in metres from the middle of the structure's box.
-    `reach` is half the member's width. `nearest` is the number of the nearest member at each vertex of the page's mesh.
+    """Return data of all members for JSON: name, length and width (m), largest curvature (1/m), half-width `reach` (m).
+    `places` are points [x, y, z, ...] on the member, in metres from the middle of the surface's bounding box.
+    `nearest` is the number of the nearest member at each vertex of the drawn mesh.
     judged : whether to add `utilisation`, None for members without a check. Raises DsfabError if the strength is
              missing, nothing carries the loads, or the pattern leaves no material."""
     graph, V = draft.members, draft.surface.V
@@ -81,8 +81,8 @@ def members_picture(
     ground: GroundKind = "paper",
     palette: Palette = PAPER,
 ) -> Bytes:
-    """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes. Names of hidden members
-    are pale; a view from the opposite side shows these members. Raises DsfabError if this machine cannot draw."""
+    """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes.
+    Names of hidden members are pale. Raises DsfabError if this machine cannot draw."""
     graph, palette = design.members, replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
     words = f"{design.preset.name} - {len(graph.members)} members, {len(graph.nodes)} nodes"
     names = {member.id: _colour(member.kind, member.family, palette) for member in graph.members}
@@ -102,7 +102,7 @@ def rated_members_picture(
 
 
 def band_colours(count: int) -> list[Colour]:
-    """Return the colours of a number of bands, pale to dark."""
+    """Return `count` colours, from pale to dark."""
     return [(int(r), int(g), int(b)) for r, g, b in rising_colours(np.linspace(0.04, 1, count))]
 
 
@@ -117,7 +117,7 @@ class _MembersDrawing:
     def picture(
         self, face: Bytes, names: Mapping[str, Colour], words: str, swatches: tuple[tuple[str, Colour], ...]
     ) -> Bytes:
-        """Return the picture with face colours (m, 3), names in darker shades of their members, and a caption."""
+        """Return the picture with face colours (m, 3) and a caption. names : colours of the names, by member."""
         check_ground(self.ground)
         require_rendering()
         design, size, palette = self.design, self.size, self.palette
@@ -129,7 +129,7 @@ class _MembersDrawing:
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, transparent=self.ground == "transparent")
             depth = scene.pixels(stage.view, FINER * size[0], FINER * size[1]).depth * stage.radius
-        # letters are smaller in a picture of more than 90 members, unless it shows few names
+        # more than 90 members have smaller letters, unless at most 12 names are shown
         letter = size[1] / 62 * min(1.0, np.sqrt(90 / len(graph.members)) if len(names) > 12 else 1.0)
         plates = list(_plates(graph, stage, depth, (size, names, palette)))
         image = with_names(image, place_names(plates, size, letter), letter, palette.paper)
@@ -178,7 +178,7 @@ def _plates(
 
 
 def _points(graph: "MemberGraph", member: "Member", view: View, count: int = 41) -> Floats:
-    """Return places (k, 3) for a member's name, best first: far from nodes, then near the member's middle."""
+    """Return places (k, 3) for a member's name: first those far from nodes, and among them those near its middle."""
     if member.axis is None or member.kind == "disc":
         places = graph.sheet.surface.centroids[member.cells]
         return np.asarray(places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:count]])

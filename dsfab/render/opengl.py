@@ -11,7 +11,7 @@ from dsfab.core.errors import DsfabError
 WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"  # environment variable by which VTK chooses its kind of window
 SECONDS = 120  # time limit of the test, which takes half a second on an idle machine
 
-# VTK opens its libraries at the first frame, not at the import. So the test draws and reads a red frame.
+# VTK loads its graphics libraries at the first frame, so the test draws a red frame and reads its colour
 PROBE = """
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
@@ -27,8 +27,7 @@ raise SystemExit(0 if pixels.GetTuple3(0) == (255.0, 0.0, 0.0) else 3)
 """
 
 _KNOWN: set[str] = set()  # kinds of window that need no test
-
-_PROBES: list[threading.Thread] = []  # thread of a test that has begun
+_PROBES: list[threading.Thread] = []  # the running test, if any
 
 
 def probe_ahead() -> None:
@@ -51,8 +50,8 @@ def assume_window(window: str | None = None) -> str:
 
 
 def require_rendering() -> None:
-    """Raise DsfabError with the packages to install if this machine cannot draw; else choose VTK's kind of window.
-    The choice is VTK_DEFAULT_OPENGL_WINDOW, which is set if necessary. The result holds for this process."""
+    """Raise DsfabError with the packages to install if this machine cannot draw.
+    Else set VTK_DEFAULT_OPENGL_WINDOW to a kind of window that works, if VTK needs this. Each kind is tested once."""
     chosen = _window_choice()
     while _PROBES:
         _PROBES.pop().join()
@@ -109,7 +108,7 @@ _ADVICE = {
     "darwin": "on macOS run in a session with a screen, since OpenGL comes with the system",
     "win32": "on Windows install the graphics card's driver or the OpenCL, OpenGL and Vulkan Compatibility Pack",
 }
-"""Advice for each system by its name in `sys.platform`; the message begins with the advice for the user's system."""
+"""Advice by the name of the system in `sys.platform`; the message begins with the user's system."""
 
 
 def _advice_text(chosen: str) -> str:

@@ -19,9 +19,8 @@ from dsfab.surface import LoadCase, Surface
 
 
 def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
-    """Write a picture as a whole file or not at all, and return its path. Raises ExportError if the file is not
-    writable.
-    effort : compression effort, 1 to 9; effort 6 saves a twentieth of the bytes of effort 4 in twice the time."""
+    """Write a picture as a whole PNG file or not at all, and return its path. Raises ExportError if this is impossible.
+    effort : of the compression, 1 to 9; effort 6 saves a twentieth of the bytes of effort 4 in twice the time."""
     from PIL import Image
 
     from dsfab.export.writing import atomic_file
@@ -42,9 +41,8 @@ def png_bytes(pixels: Bytes) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Style of a picture. size : (width, height) in pixels. up : (3,) of any length; None derives it from the
-    structure.
-    letters : factor on the default size of letters."""
+    """Style of a picture. size : (width, height) in pixels.    letters : factor on the default size of letters.
+    up : direction (3,) of any length; None derives the direction from the structure."""
 
     size: tuple[int, int] = (1600, 1200)
     up: ArrayLike | None = None
@@ -67,7 +65,7 @@ def picture(
 ) -> Bytes:
     """Return a picture of a whole solid or sheet, from a side that suits its shape.
     V, F    : (n, 3) metres and (m, 3), outward oriented.
-    surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither.
+    surface, load : uncut surface and its loads, for arrows, supports and the ground; give both or neither.
     family  : (m,) index into `look.palette.families` for each face, -1 for the colour `look.palette.members`.
     caption : line below the picture.
     Returns (height, width, 3) bytes, red green blue. Raises DsfabError for a solid without faces, or if this machine
@@ -104,7 +102,7 @@ class StructurePicture:
     colours: Bytes | None = None
 
     def render(self, quality: LightQuality = FINE) -> Bytes:
-        """Return (height, width, 3 or 4) bytes. This machine is not tested: if VTK cannot draw, it ends the process."""
+        """Return (height, width, 3 or 4) bytes. Call `require_rendering` first: VTK may end the process."""
         palette, size = self.look.palette, self.look.size
         colours = np.array(palette.members, dtype=np.uint8) if self.colours is None else self.colours
         body = Body(self.V, self.F, colours, casts=True)
@@ -126,7 +124,7 @@ def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Byte
 
 
 def _half_thickness(V: Floats, F: Ints) -> float:
-    """Return half the mean thickness of a thin solid (m), its volume over its area; 0 for a sheet."""
+    """Return half of a thin solid's mean thickness (m): its volume divided by its area; 0 for a sheet."""
     a, b, c = (V[F[:, i]] - V.mean(axis=0) for i in range(3))
     area = np.cross(b - a, c - a)
     return abs(float(np.einsum("mi,mi->", a, area))) / 3 / float(np.linalg.norm(area, axis=1).sum())

@@ -1,4 +1,4 @@
-"""Previews of a design: its uncut surface drawn as if it were cut, with parameters that change quickly."""
+"""Previews of a design: pictures of the uncut surface, drawn with openings, that change quickly with the parameters."""
 
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -27,7 +27,6 @@ from dsfab.render.striped_mesh import StripedMesh, distances, needs_only_setting
 from dsfab.render.view import View, named_side, up_axis
 
 DEFAULT_SIZE = (1600, 1200)  # default size of a picture (pixels)
-
 TINTED_FAMILIES = ("major", "minor", "kept")  # names of the families that have tints
 TRIAL_SIZE = (96, 72)  # size of the pictures that test the shader (pixels)
 
@@ -36,15 +35,14 @@ class Previewer:
     """Pictures of a design under changing parameters; use as `with Previewer(design) as previewer`.
     design  : a Design, or a draft (see `dsfab.design.draft`); neither needs a cut sheet or a solid.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.render.view.named_side`).
-    show    : structure; stress (the structure, coloured); families (each in its colour); major or minor (one family,
-              and kept regions); or, on the whole uncut sheet: loads, directions (principal, as crosses), major_mode or
-              minor_mode, or a result of the statics: vonmises, utilisation, energy, displacement, buckling or frequency
-              (the last three exaggerated).
-    marks   : whether loads, supports and a person for scale are visible; or names from `EVERY_LAYER`.
-    ground  : paper, white or transparent, which adds a fourth channel with the shadows.
+    show    : structure; stress; families; major or minor for one family and kept regions. On the uncut sheet: loads,
+              directions, major_mode, minor_mode, vonmises, utilisation or energy; or exaggerated: displacement,
+              buckling or frequency.
+    marks   : whether to show loads, supports and a person; or names from `EVERY_LAYER`.
+    ground  : paper, white or transparent; a transparent picture has a fourth channel.
 
-    Pictures show the uncut pattern. The real structure differs: slicing moves edges a little (see `snap`), joins point
-    contacts and may drop pieces without a support. The solid's thickness is not visible.
+    A picture shows the pattern before the cut. The cut moves edges a little (see `snap`), joins parts that touch in a
+    point, and may drop pieces without a support. The solid's thickness is not visible.
     Create, use and close a Previewer in one thread. Raises DsfabError if this machine cannot draw correctly."""
 
     def __init__(
@@ -120,12 +118,12 @@ class Previewer:
 
     @property
     def words(self) -> str:
-        """Description of the picture; "" without a description."""
+        """Description of the picture, or ""."""
         return self._words
 
     @property
     def bar(self) -> colouring.ColourBar | None:
-        """Colour bar of the picture; None without a colour bar."""
+        """Colour bar of the picture, or None."""
         return self._bar
 
     def set(self, changes: Mapping[str, Any]) -> None:
@@ -143,10 +141,9 @@ class Previewer:
         return same_shape and (not (self._arrows or shown == "directions") or preset.diffusion == drawn.diffusion)
 
     def display(self, preset: Preset) -> None:
-        """Draw a preset of the same surface from now on. Changed frequencies, phases and thresholds of plain stripes
-        are fast, and so are reaches around supports: the shader gets a few numbers. Other keys of [pattern] change
-        values at all vertices. New values of r and gamma need new modes. Raises DsfabError for a different [surface]
-        or an invalid preset; then the old preset stays."""
+        """Draw a preset of the same surface from now on. New frequencies, phases, thresholds and reaches of plain
+        stripes are fast. All other keys of [pattern] change values at all vertices; r and gamma change the modes.
+        Raises DsfabError for a different [surface] or an invalid preset, and then keeps the old preset."""
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(
                 "a changed [surface] or region has a new geometry and new loads: make a new Previewer for the preset"
@@ -189,10 +186,10 @@ class Previewer:
         size : (width, height) in pixels. words : whether to draw caption and legend. Raises PatternError if the pattern
         leaves no material."""
         if threading.get_ident() != self._thread:
-            raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
+            raise DsfabError("a Previewer draws only in the thread that made it; make a Previewer in each thread")
         stage = replace(self._stage, view=self._view(size, words))
         image = drawing.render_stage(self._scene, stage, self._palette, size, quality, self._clear)
-        release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # intermediate pictures end here
+        release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # memory of intermediate pictures
         alone = len(stage.bodies) == 1  # without marks, an empty picture means that no material is left
         if self._scene.empty if alone else not self._scene.casting:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
@@ -212,7 +209,7 @@ class Previewer:
         return self._scene.renderer
 
     def mask(self, size: tuple[int, int] = DEFAULT_SIZE, words: bool = True) -> Bools:
-        """Return a mask (h, w) of the pixels at which a picture would show material if no marks were in front of it."""
+        """Return the pixels (h, w) at which a picture without marks would show material."""
         return self._scene.mask(self._view(size, words), *size)
 
     def _view(self, size: tuple[int, int], words: bool) -> View:
@@ -236,7 +233,7 @@ class Previewer:
         design, mesh = self._made, self._mesh
         self._shader = StripeShader(vertex_fields(design, mesh, self._distances(design)), self._tints)
         V, normals = self._V, None
-        if mesh.even:  # shading must not show the seams of the chart
+        if mesh.even:  # hides the seams of the chart
             normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
         return Body(
             mesh.surface.V if V is None else mesh.carry(V),
@@ -253,7 +250,7 @@ class Previewer:
         self._shader.set(ALL_MATERIAL if whole_sheet else shader_settings(self._preset, self._made.pattern, self._show))
 
     def _try_shader(self) -> None:
-        """Test the shader. A driver that refuses it draws the whole mesh, or nothing, without an error."""
+        """Test the shader. A driver that refuses the shader draws the whole mesh, or nothing, without an error."""
         view = self._view(TRIAL_SIZE, True)
         seen = []
         for settings in (ALL_MATERIAL, NO_MATERIAL):
@@ -339,10 +336,9 @@ def panels(
     quality: LightQuality = FINE,
     **options: Any,
 ) -> PanelsPicture:
-    """Return one picture that consists of the pictures `names`, each of a size in pixels. options : options of
-    `Previewer`.
+    """Return one picture that consists of the pictures `names`. pixels : size of each.    options : of `Previewer`.
     If loads have their own picture, the remaining pictures have no arrows, unless the options have `marks`.
-    A picture without a result in this design is omitted and reported. Raises DsfabError if no picture is left."""
+    If this design lacks a result, its picture is omitted and reported. Raises DsfabError if no picture is left."""
     pictures, refused = [], []
     alone = "marks" not in options and "loads" in names
     for name in names:

@@ -1,7 +1,7 @@
 """The scene in VTK: an off-screen window with meshes, and depth, normal and colour of each pixel.
 
-VTK's lighting is off, so that software rendering and graphics cards give the same picture. VTK's own modules are used,
-because the import of pyvista takes a quarter of a second, and its plotter another 75 MB."""
+VTK's lighting is off, so that software rendering and graphics cards give the same picture. The code uses VTK itself,
+because pyvista takes a quarter of a second to import, and its plotter another 75 MB."""
 
 import re
 from collections.abc import Iterator
@@ -21,11 +21,11 @@ from dsfab.surface import signed_volume
 if TYPE_CHECKING:
     from dsfab.render.shader import StripeShader
 
-NORMAL_STEPS = 1 << 10  # number of steps from -1 to 1 of rounded normals for comparison; a picture has 256 steps
+NORMAL_STEPS = 1 << 10  # normals are equal if they agree when rounded to this number of steps from -1 to 1
 
 
 class Window:
-    """Off-screen window: black, without lamps, and without multisampling, which would mix normals at edges.
+    """Off-screen window: black, without lamps, and without multisampling, which would average normals at edges.
     Create, use and close a window in one thread."""
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class Window:
         self.window.SetSize(width, height)
 
     def release_pictures(self) -> None:
-        """Release the memory of the six pictures that the graphics side holds, until the next picture."""
+        """Release the memory of the six pictures that OpenGL holds, until the next picture."""
         width, height = self.window.GetSize()
         self.window.SetSize(64, 64)
         self._renderer.DrawOff()
@@ -80,7 +80,7 @@ class Window:
         self.window.Render()
 
     def depth(self) -> NDArray[np.float32]:
-        """Return the depth (h, w) of the picture, row 0 on top: 0 is the nearest depth, and 1 an empty pixel."""
+        """Return the depth (h, w) of the picture, row 0 on top: from 0 at the nearest depth to 1 at empty pixels."""
         from vtkmodules.vtkCommonCore import vtkFloatArray
 
         width, height = self.window.GetSize()
@@ -94,7 +94,7 @@ class Window:
         return self._read(0, 0, width - 1, height - 1).reshape(height, width, 3)[::-1]
 
     def wait(self) -> None:
-        """Wait until the picture is finished: read its middle pixel."""
+        """Wait until the picture is finished."""
         x, y = (pixels // 2 for pixels in self.window.GetSize())
         self._read(x, y, x, y)
 
@@ -125,9 +125,8 @@ def load_renderer() -> bool:
 
 
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Return a mesh of points (n, 3) and faces (m, 3), split at edges whose angle exceeds `split` degrees.
-    The result also has the normals (k, 3) of the k new points, and the number (k,) of the old point of each new point.
-    """
+    """Return a VTK mesh of points (n, 3) and faces (m, 3), split at edges whose angle exceeds `split` degrees.
+    Also return the normals (k, 3) at the k points of the split mesh, and the original index (k,) of each point."""
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
     source_mesh = _polydata(points, F)
@@ -140,13 +139,13 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
     mesh = normals_filter.GetOutput()
     attributes = mesh.GetPointData()
     normals, source = _numbers(attributes.GetNormals()).copy(), _numbers(attributes.GetArray("vertex")).copy()
-    for name in (attributes.GetNormals().GetName(), "vertex"):  # VTK need not send these arrays to the graphics side
+    for name in (attributes.GetNormals().GetName(), "vertex"):  # OpenGL does not need these arrays
         attributes.RemoveArray(name)
     return mesh, normals, source
 
 
 def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Split a mesh as `split_mesh` does, at points where the normals (m, 3, 3) of the faces' corners differ."""
+    """Split a mesh at points where the normals (m, 3, 3) at the faces' corners differ; see `split_mesh`."""
     steps = np.rint((normals.reshape(-1, 3) + 1) * (NORMAL_STEPS / 2)).astype(np.int64)
     key = np.ravel_multi_index((F.ravel(), *steps.T), (len(points), *3 * (NORMAL_STEPS + 1,)), mode="clip")
     _, first_corner, corner = np.unique(key, return_index=True, return_inverse=True)
@@ -157,9 +156,7 @@ def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> 
 
 def set_array(attributes: Any, name: str, values: NDArray[Any]) -> None:
     """Store numbers (k, ...) of points or cells under a name, in a mesh's `GetPointData()` or `GetCellData()`."""
-    array = _support().numpy_to_vtk(
-        np.ascontiguousarray(values), deep=True
-    )  # without a copy, numpy frees the memory too early
+    array = _support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # else numpy frees the memory
     array.SetName(name)
     attributes.AddArray(array)
 
@@ -190,17 +187,15 @@ Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
-SHARP_DEGREES = 35.0  # least angle (degrees) between two faces at which their common edge is shaded as sharp
-
-LAMP_AWAY, LAMP_DEPTHS = 3.0, (1.9, 4.1)
-"""Distance from a lamp to the middle of the scene, and the nearest and farthest depth that the lamp sees (radii)."""
+SHARP_DEGREES = 35.0  # an edge looks sharp if the angle between its faces is at least this (degrees)
+LAMP_AWAY, LAMP_DEPTHS = 3.0, (1.9, 4.1)  # distance of lamps from the centre, and depths that they see; scene units
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
     """Mesh of vertices V (n, 3) in metres and faces F (m, 3), with a colour (3,) or (m, 3) in 0..255.
     casts   : whether the body throws shadows.    shader : shader that removes material outside a pattern.
-    half    : half the thickness of the walls that the shader draws (m).
+    half    : half of the thickness of the walls that the shader draws (m).
     normals : (m, 3, 3) at corners of faces; None computes normals."""
 
     V: Floats
@@ -221,7 +216,7 @@ class Body:
 
 
 def shading(V: Floats, F: Ints) -> Floats32:
-    """Return the shading normals (m, 3, 3) at the corners of a body's faces, for a second mesh of the same surface."""
+    """Return the normals (m, 3, 3) at corners of faces by which VTK shades a body."""
     mesh, normals, _ = split_mesh(V, F, SHARP_DEGREES)
     return np.asarray(normals[_numbers(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)])
 
@@ -238,9 +233,9 @@ class Pixels:
 
 
 class Scene:
-    """Bodies on the graphics side, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
-    The origin of the scene is `centre`. Its unit of length is `radius`, of a ball around all bodies with a shadow, so
-    that millimetres and kilometres look alike. Create, use and close a scene in one thread."""
+    """Bodies in OpenGL, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
+    Scene units are relative, so that millimetres and kilometres look alike. The origin is `centre`. The unit of length
+    is `radius`, of a ball around all bodies with a shadow. Create, use and close a scene in one thread."""
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         self.centre, self.radius = centre, radius
@@ -282,7 +277,7 @@ class Scene:
             self.window.draw()
         hit = z < 1
         self.empty = not hit.any()
-        z *= near - far  # needs no new array: a picture for print has 24 million pixels
+        z *= near - far  # in place: a picture for print has 24 million pixels
         z += far
         depth = np.divide(near * far, z, out=z)
         depth[~hit] = np.inf
@@ -292,7 +287,7 @@ class Scene:
 
     @contextmanager
     def _walls(self, view: View) -> Iterator[None]:
-        """Show the walls of cut sheets in a `with` block. Lamps and masks see sheets without a thickness."""
+        """Show the walls of cut sheets in a `with` block; lamps and masks see sheets without a thickness."""
         eye = (view.eye - self.centre) / self.radius
         shaded = [(body.shader, body.half) for body in self.bodies if body.shader]
         for shader, half in shaded:
@@ -308,14 +303,14 @@ class Scene:
         return match.group(1).strip() if match else "unknown"
 
     def frame(self, view: View, width: int, height: int) -> None:
-        """Draw a picture and wait for it, but read only its middle pixel."""
+        """Draw a picture and wait for it, without reading its pixels."""
         self._aim_camera(view)
         self.window.resize(width, height)
         self.window.draw()
         self.window.wait()
 
     def mask(self, view: View, width: int, height: int) -> Bools:
-        """Return a mask (h, w) of the pixels at which the eye sees a shadow-casting body, without the other bodies."""
+        """Return the pixels (h, w) at which the eye sees a body with a shadow; all other bodies are hidden."""
         with self.lamps():
             self._aim_camera(view)
             self.window.resize(width, height)
@@ -323,14 +318,12 @@ class Scene:
 
     @contextmanager
     def lamps(self) -> Iterator[None]:
-        """Hide bodies without a shadow in a `with` block; only there `lamp` may be called."""
+        """Hide bodies without a shadow in a `with` block; call `lamp` only in this block."""
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
-            actor.GetMapper().SetScalarVisibility(
-                body.shader is not None
-            )  # depth without colours takes a tenth of the time
-            if casts and body.shader is None:  # drawn back faces would take three times as long
+            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # colours take ten times as long
+            if casts and body.shader is None:  # back faces take three times as long
                 actor.GetProperty().SetBackfaceCulling(body.encloses)
         yield
         for actor in self.actors:
@@ -341,7 +334,7 @@ class Scene:
     def lamp(self, frame: Floats, side: int) -> Floats32:
         """Return the depth (side, side) of the first body that a lamp sees in each pixel.
         The depth is 0..1 from the nearest to the farthest of `LAMP_DEPTHS`, and 1 where the picture is empty.
-        frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i)."""
+        frame : unit vectors right, up and towards the lamp as rows. Columns go right and rows up, from -1 to 1."""
         self.window.resize(side, side)
         camera = self.window.camera
         camera.SetParallelProjection(True)

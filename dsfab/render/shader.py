@@ -1,7 +1,7 @@
 """Shader that draws an uncut surface as if it were cut: it removes pixels outside stripes and kept regions.
 
-Material is |z - k| < d for an integer k, as in slicing; z and d are linear on each face. So a new pattern changes only
-a few numbers on the graphics side."""
+Material is where |z - k| < d for an integer k, as in slicing. Phase z and half-width d are linear on each face. So a
+new pattern changes only a few numbers of the shader."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,19 +12,18 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
-INFINITE_DISTANCE = 1e30  # distance to a load or support that does not exist; finite, as infinity times 0 is no number
-NO_REACH = -INFINITE_DISTANCE  # reach that keeps no material; a reach of 0 would keep values just below 0 at outlines
+INFINITE_DISTANCE = 1e30  # distance in place of infinity, because infinity times 0 is not a number
+NO_REACH = -INFINITE_DISTANCE  # reach that keeps no material; rounded distances can be below 0
 BY_VERTEX = -1.0  # half-width that tells the shader to read half-widths at the vertices
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
 _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
-FIELDS = ("modes", "widths", "kept")
-"""Names of the fields that may vary over the surface, two numbers at each vertex, as in `StripeShader.fields`."""
-TIE = 2e-6  # margin (periods) for rounding errors, so that half-widths of 0 are empty and of 1/2 exactly full
+FIELDS = ("modes", "widths", "kept")  # names of the three pairs of columns of `StripeShader.fields`
+TIE = 2e-6  # margin (periods) for rounding: a half-width of 0 leaves no material, and 1/2 leaves no opening
 
-# (wave(t) + 1) / 4 is the distance from t to the nearest half-integer; material is where it exceeds 1/2 - d. The vertex
-# shader computes the linear part, because in software rendering each uniform takes time at each pixel
+# (wave(t) + 1) / 4 is the distance from t to the nearest half-integer; in material this distance exceeds 1/2 - d. The
+# vertex shader computes the linear part: in software rendering, each number read at a pixel takes time
 _STRIPES = f"""
   vec2 dsWide = HALF;
   vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});
@@ -50,8 +49,8 @@ vec3 dsDepth(vec4 stripes, vec2 kept) {
 float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
 """
 
-# a ray of sight enters a slab with linear fields and ends at a face or a wall. Walls have a separate program, because
-# software rendering runs both branches of every `if`
+# a line of sight enters a slab, on which all fields are linear, and ends at a face or a wall. Walls have a separate
+# program, because software rendering runs both branches of every `if`
 _WALLS = """
   vec3 dsWall = vec3(0.0);
   vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
@@ -84,9 +83,9 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 
 @dataclass(frozen=True)
 class StripeSettings:
-    """Numbers of a pattern for the major and the minor family.
+    """Numbers of a pattern, each for the major and the minor family.
     half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
-    reach      : distance from loads and supports, and from the rim, within which material stays (m), or `NO_REACH`."""
+    reach      : widths of kept material around loads and supports, and along the boundary (m), or `NO_REACH`."""
 
     frequency: tuple[float, float] = (1.0, 1.0)
     phase: tuple[float, float] = (0.0, 0.0)
@@ -96,12 +95,12 @@ class StripeSettings:
 
 
 ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.0))
-"""Settings that keep the whole surface, and settings that keep nothing; both test the shader."""
+"""Settings for a surface without openings, and for no material; both test the shader."""
 
 
 @dataclass(frozen=True)
 class ShaderProgram:
-    """Optional parts of the shader's program; in software rendering, every number per triangle takes time.
+    """Optional parts of the shader's program; unused parts would cost time.
     vary : the names of `FIELDS` that differ between vertices; the modes always do.
     walls, normals, tinted : whether walls are visible, normals are the output, and families have tints."""
 
@@ -111,7 +110,7 @@ class ShaderProgram:
     tinted: bool = False
 
     def vertex(self) -> tuple[tuple[str, str], ...]:
-        """Return replacements in the vertex shader."""
+        """Return tags of VTK's vertex shader, each with the code that follows the tag."""
         declared, code = [f"in vec2 {name}MC;" for name in self.vary], []
         if self.walls:
             declared.append("out vec4 stripesVS;\nout vec2 keptVS;\nout vec3 dsWhere;")
@@ -128,7 +127,7 @@ class ShaderProgram:
         return (_DECLARED, "\n".join(declared) + "\n"), (_VERTEX_CODE, "".join(code))
 
     def fragment(self) -> tuple[tuple[str, str], ...]:
-        """Return replacements in the fragment shader."""
+        """Return tags of VTK's fragment shader, each with the code that follows the tag."""
         colour = _TINTED if self.tinted and not self.normals else ""
         if self.walls:
             declared = f"in vec4 stripesVS;\nin vec2 keptVS;\nin vec3 dsWhere;\n{GLSL}\n{_DEPTH}"
@@ -143,8 +142,8 @@ class ShaderProgram:
 @dataclass(eq=False)
 class StripeShader:
     """Shader of a body; `fields` and `settings` may change between pictures.
-    fields : (n, 6) modes and half-widths in periods (each major, minor), then two distances in metres: to loads and
-             supports, and to the boundary.
+    fields : (n, 6) modes of both families, half-widths of both families (periods), distances to loads
+             and supports, and to the boundary (m).
     tints  : colours of major, minor and remaining material in place of the colours of the faces."""
 
     fields: Floats
@@ -153,7 +152,7 @@ class StripeShader:
     _parts: list[dict[str, Any]] = field(default_factory=list)
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
-        """Put the shader on an actor; source : (k,) number of the body's vertex at each point of the actor's mesh."""
+        """Put the shader on an actor. source : (k,) index of the body's vertex at each point of the actor's mesh."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
         self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": None})
@@ -184,7 +183,7 @@ class StripeShader:
             set_array(part["mesh"].GetCellData(), "colour", face)
 
     def set(self, settings: StripeSettings) -> None:
-        """Replace the settings. This takes microseconds unless the program changes for widths or reaches."""
+        """Replace the settings; this takes microseconds unless the shader needs another program."""
         shown_widths = [d if s > 0.5 else 0.0 for d, s in zip(settings.half_width, settings.shown, strict=True)]
         widths, reads_kept = min(shown_widths) < 0, max(settings.reach) > NO_REACH
         self._change_program(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if reads_kept else ())))
@@ -197,8 +196,8 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
-        """Show the walls of a sheet to an eye (3,); None hides them. half : half its thickness. Lengths: scene units.
-        Walls are approximate: each triangle has the walls of a plane slab, and the rim of the surface has no wall."""
+        """Show the walls of a sheet to an eye (3,) in scene units; None hides the walls. half : half of its thickness.
+        Walls are approximate: each triangle has the walls of a plane slab, and the boundary has no wall."""
         walls = eye is not None and half > 0
         self._change_program(walls=walls)
         for uniforms in self._uniforms():
@@ -206,7 +205,7 @@ class StripeShader:
             uniforms.SetUniformf("dsThick", half if walls else 0.0)
 
     def colour_by(self, name: str) -> None:
-        """Choose the output, "colour" or "normal"."""
+        """Choose the output: "colour" or "normal"."""
         self._change_program(normals=name == "normal")
 
     def _change_program(self, **changes: Any) -> None:

@@ -1,10 +1,10 @@
 """Program that draws pictures of a design; it starts before the first request.
 
-For each picture, standard input has the number n in 8 bytes, then n bytes of pickle. A closed input ends the program.
+Each request on standard input is a number n in 8 bytes, then n bytes of pickle. A closed input ends the program.
 The pickle holds
     a sketch (see `Design.sketch`), the PNG file, its width and height, and options of `Previewer`; or
     a `StructurePicture`, and the PNG file.
-Standard output has the kind of window as soon as the program can draw, then a line after each picture."""
+The program prints its kind of window when it is ready to draw, and a line after each picture."""
 
 import gc
 import os
@@ -35,7 +35,7 @@ def main(sketches: bool) -> None:
     while True:
         _draw(*pickle.loads(requests.get()))
         _print_line("drawn")
-        gc.enable()  # `--watch` requests many pictures
+        gc.enable()  # further pictures follow, with `--watch`
 
 
 def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = None) -> None:

@@ -1,7 +1,7 @@
 """The mesh on which a pattern is drawn, values at its vertices, and the settings of its shader.
 
-Stripes on modes are drawn on the surface. Evenly spaced stripes have consistent phases only on a chart (see
-`dsfab.slicing.Chart`): these stripes are drawn on the chart, as if on two modes at frequency 1 and phase 0."""
+Stripes on modes are drawn on the surface. Evenly spaced stripes are drawn on their chart (see `dsfab.slicing.Chart`),
+because their phases are consistent only there. The shader treats them as two modes at frequency 1 and phase 0."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,10 +21,8 @@ from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
 EXACT_REACH_SHARE = 1 / 8  # distances up to this share of the surface's size are exact in all presets
-
-REGION_FACTOR = 1e33
-"""Factor on distances from drawn regions. With this factor, every reach ends at their outlines, even `NO_REACH`."""
-REGION_REACH = -1e6  # reach of drawn regions without kept material; the shader reads distances only beyond `NO_REACH`
+REGION_FACTOR = 1e33  # factor on distances from drawn regions, so that every reach ends at their outlines
+REGION_REACH = -1e6  # reach if only drawn regions are kept; the shader ignores distances at `NO_REACH`
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +88,7 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """Half-widths (n', 2) at a vertex, divided by their mean `PatternResult.half_widths`; 0 without a phase."""
+        """Half-widths (n', 2) at vertices, divided by the mean `PatternResult.half_widths`; 0 without a phase."""
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
@@ -108,9 +106,8 @@ class StripedMesh:
 
 @derived
 def distances(design: Design) -> tuple[Floats, Floats]:
-    """Return distances (n,) to loads and supports, and to the boundary (m); they are exact up to the largest reach.
-    If the preset draws regions, the first is the distance to these regions and to kept material, times `REGION_FACTOR`.
-    """
+    """Return distances (n,) to loads and supports, and distances (n,) to the boundary (m), exact up to every reach.
+    With drawn regions, the first distances lead to regions and kept material, and are multiplied by `REGION_FACTOR`."""
     surface, load, pattern = design.surface, design.load, design.preset.pattern
     reach = max(EXACT_REACH_SHARE * surface.size, pattern.keep, pattern.rim)
     to_held = distance_to_vertices(surface, load.supported | load.loaded, reach)
@@ -127,7 +124,7 @@ def _distances_outside(design: Design, to_held: Floats) -> Floats:
         x = field.at_vertices if isinstance(field, DividedField) else field
         assert isinstance(x, np.ndarray)
         if x.ndim == 1:
-            # a vertex on the outline of a solid region counts as slightly outside
+            # the outline of a solid region counts as slightly outside
             region = np.where(x > 0, -surface.mean_edge, 1e-3 * surface.mean_edge)
             outside = np.where(x >= 0, np.minimum(outside, region), outside)
         else:
@@ -136,18 +133,18 @@ def _distances_outside(design: Design, to_held: Floats) -> Floats:
 
 
 def vertex_fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
-    """Return phases, half-widths and distances (n', 6) (see `StripeShader`); distances : (n,) each."""
+    """Return the phases, half-widths and distances (n', 6) of a `StripeShader`. distances : two arrays (n,)."""
     reaches = mesh.carry(finite_distances(distances))
     return np.concatenate([mesh.phases(design), mesh.half_widths(design.pattern), reaches], axis=1)
 
 
 def finite_distances(distances: tuple[Floats, Floats], limit: float = INFINITE_DISTANCE) -> Floats:
-    """Return distances (n, 2), with `limit` for infinity, because infinity times a weight of 0 is not a number."""
+    """Return distances (n, 2), with `limit` in place of infinity, because infinity times 0 is not a number."""
     return np.where(np.isfinite(distances), distances, limit).T
 
 
 def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
-    """Return whether a new preset differs from the drawn preset only in numbers of the shader."""
+    """Return whether a new preset differs from the drawn preset only in its `StripeSettings`."""
     old_pattern, new_pattern = drawn_preset.pattern, preset.pattern
     first_section = preset.first_difference(drawn_preset)
     if first_section is None or STAGES.index(first_section) > STAGES.index("pattern"):
@@ -164,7 +161,7 @@ def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
         return False
     if new_pattern.method != "modes":
         return new_pattern.method == "stripes" and _without_reaches(old_pattern) == _without_reaches(new_pattern)
-    if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # these widths depend on all numbers of the pattern
+    if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # widths depend on the whole pattern
         return False
     if new_pattern.major.spacing or new_pattern.minor.spacing:  # a solver sets the frequencies
         return False
@@ -176,7 +173,7 @@ def _without_reaches(pattern: Pattern) -> dict[str, object]:
 
 
 def shader_settings(preset: Preset, result: PatternResult, show: str) -> StripeSettings:
-    """Return the shader settings of a preset. Numbers that the preset leaves open come from its pattern's result."""
+    """Return the shader settings of a preset. Numbers that the preset omits come from the result of its pattern."""
     pattern = preset.pattern
     pair, width = (pattern.major, pattern.minor), pattern.width
     nothing = REGION_REACH if pattern.drawn_regions else NO_REACH

@@ -1,4 +1,4 @@
-"""The surroundings of a structure in a picture for clients: its supports as parts of a building, and the ground."""
+"""The surroundings of a structure in preview.png: its supports as parts of a building, and the ground."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -14,24 +14,24 @@ from dsfab.surface import LoadCase, Surface, link_components
 
 PartKind = Literal["column", "wall", "hanger", "abutment"]
 
-HEADROOM = 2.2  # height (m) above height 0 from which a structure stands on columns or walls, with its ground at 0
-PLINTH = 0.012  # height of the lowest columns and walls, over the structure's size
-COLUMN_EXTENT = 0.08  # largest extent in plan, over the structure's size, of a support that becomes a column
-LOW_SHARE = 0.25  # supports below this share of the structure's height carry it from below, even those on one side
-STEEP = 0.2  # least slope up to a support from which the structure hangs
-UPRIGHT = 3.0  # least height over extent in plan of a support along an upright edge
-SOIL_SHARE = 0.5  # least supported share of the area of a slab on soil
+HEADROOM = 2.2  # the ground is at height 0 if the structure begins higher than this (m)
+PLINTH = 0.012  # height of the lowest columns and walls, divided by the structure's size
+COLUMN_EXTENT = 0.08  # a support with a smaller extent in plan becomes a column; divided by the structure's size
+LOW_SHARE = 0.25  # a support below this share of the structure's height is never an abutment
+STEEP = 0.2  # a structure hangs from a support if it rises towards the support by at least this slope
+UPRIGHT = 3.0  # a support is an upright edge if its height exceeds this number times its extent in plan
+SOIL_SHARE = 0.5  # a slab lies on soil if a larger share of its area is supported
 CORNERS, MOST_PARTS = 20, 40  # number of corners of a round column, and largest number of columns or rods of a support
-ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # over the structure's size
-HANGERS, COLUMNS = 0.05, 0.12  # distance between rods, and between columns below an edge, over the structure's size
+ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # divided by the structure's size
+HANGERS, COLUMNS = 0.05, 0.12  # distances of rods, and of columns below an edge, divided by the structure's size
 TALL = 4.5  # height (m) from which a long edge rests on a beam and columns, because a wall would hide the inside
-WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths over the structure's size: columns and walls, low ones, hangers
+WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths of columns and walls, footings, rods; divided by the size
 
 
 @dataclass(frozen=True, eq=False)
 class SupportPart:
-    """Connected support: its vertices (k,), its boundary edges (e, 2), or all edges if it has no boundary edge, as
-    vertex indices, and the part that it becomes.
+    """Connected support with its vertices (k,), drawn as a part of a building.
+    edges    : (e, 2) of the support on the boundary; all edges of the support if none is on the boundary.
     along    : (3,) unit vector from the structure into the part.
     outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part that ends below the structure."""
 
@@ -43,9 +43,9 @@ class SupportPart:
 
 
 def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[SupportPart]:
-    """Return the connected supports as parts of a building. up : (3,) unit vector. Their kinds follow from geometry:
-    inner supports from which the structure falls away are hangers, and supports on one side of it are abutments.
-    Other supports reach the ground: small ones are columns, and long edges are walls. A slab on soil has no parts."""
+    """Return a part of a building for each connected support. up : (3,) unit vector. A slab on soil has no parts.
+    Inner supports from which the structure falls away are hangers; supports on one side of the structure are abutments.
+    All other supports reach the ground: small supports are columns, and long edges are walls."""
     supported = _upward_supports(load, up)
     if not supported.any() or surface.areas @ supported[surface.F].all(axis=1) > SOIL_SHARE * surface.area:
         return []
@@ -73,21 +73,21 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
 
 
 def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
-    """Return the horizontal direction (3,) to supports that are all on one side and all high, as of a cantilever."""
+    """Return the horizontal direction (3,) to the supports of a cantilever; None if supports are low or around it."""
     side, heights = support_side(surface, load, surface.size, up), surface.V @ up
     low = heights.min() + LOW_SHARE * np.ptp(heights)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
 
 
 def _upward_supports(load: LoadCase, up: Floats) -> Bools:
-    """Return supported vertices (n,), without those that hold sideways only, as at a plane of symmetry."""
+    """Return supported vertices (n,), without vertices that are held only sideways, as at a plane of symmetry."""
     axis = int(np.argmax(np.abs(up)))
     upwards = load.fixed[:, axis] | (load.spring[:, axis] > 0)
     return np.asarray(upwards if upwards.any() else load.supported)
 
 
 def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:
-    """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours; 0 without any."""
+    """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours; 0 without such."""
     ends = surface.edges.ends[supported[surface.edges.ends].sum(axis=1) == 1]
     ends = np.where(supported[ends[:, :1]], ends, ends[:, ::-1])
     sums = group_sums(ends[:, 0], unit_vectors(surface.V[ends[:, 0]] - surface.V[ends[:, 1]]), surface.n)
@@ -100,8 +100,8 @@ def _extent(points: Floats, axis: Floats) -> float:
 
 
 def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, half: float) -> float:
-    """Return the height of the ground (m): 0 below a structure that is drawn with headroom, else that of its lowest
-    point, less a plinth. A structure on hangers alone has headroom. half : half the thickness of the structure (m)."""
+    """Return the height of the ground (m): 0 with headroom below the structure, else a plinth below its lowest point.
+    A structure on hangers alone has headroom. half : half of the structure's thickness (m)."""
     lowest, size = float((surface.V @ up).min()) - half, surface.size
     if HEADROOM < lowest < size:
         return 0.0
@@ -112,7 +112,7 @@ def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, 
 def support_part(surface: Surface, support: SupportPart, half: float, ground: float) -> MarkMesh:
     """Return the mesh of a part (metres). ground : its height (m). half : as for `ground_level`."""
     size, along, among = surface.size, support.along, support.vertices
-    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # at the skin of the structure
+    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # skin of the solid
     deepest, V = float(begin[among].max()), surface.V.copy()
     if support.kind == "hanger":
         return _prisms(
@@ -120,7 +120,7 @@ def support_part(surface: Surface, support: SupportPart, half: float, ground: fl
         )
     end = deepest + ABUTMENT_DEPTH * size if support.kind == "abutment" else -ground
     width = max((FOOTING_WIDTH if end - deepest < 2 * PLINTH * size else WIDTH) * size, 2 * half)
-    if support.outwards.any():  # beside the structure, and as high as the support
+    if support.outwards.any():  # beside the structure
         V[among] += support.outwards * (half + width / 2)
         begin[among] = begin[among].min() if support.kind == "column" else begin[among]
     direction = unit_vectors(V[support.edges[:, 1]] - V[support.edges[:, 0]])
@@ -136,7 +136,7 @@ def support_part(surface: Surface, support: SupportPart, half: float, ground: fl
 
 
 def _spaced_vertices(V: Floats, among: Ints, apart: float) -> list[Ints]:
-    """Return vertices (1,) each among some vertices, about `apart` metres from each other."""
+    """Return groups of a single vertex (1,), chosen from `among` (k,), about `apart` metres from each other."""
     points = V[among]
     return [among[[k]] for k in thin_points(points, apart, Spacing(1.0, MOST_PARTS))]
 
@@ -144,8 +144,8 @@ def _spaced_vertices(V: Floats, among: Ints, apart: float) -> list[Ints]:
 def _prisms(
     V: Floats, groups: Iterable[Ints], axis: Floats, begin: Floats, end: Floats | float, width: float
 ) -> MarkMesh:
-    """Return a prism with round corners around each group of vertices of V (n, 3), from the height `begin` (n,) of each
-    vertex along an axis (3,) to its height `end`."""
+    """Return a prism with round corners around each group of vertices of V (n, 3).
+    Along an axis (3,), a prism reaches from the height `begin` (n,) of its vertices to the height `end`."""
     frame, ends = frame_towards(axis), np.stack([begin, np.broadcast_to(end, len(V))])
     turn = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
     circle, meshes = width / 2 * np.stack([np.cos(turn), np.sin(turn)], axis=1), list[MarkMesh]()

@@ -13,10 +13,8 @@ VIEW_DEGREES = 24.0  # vertical view angle (degrees): small, so that near and fa
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera at `eye` that looks along `forward`; `right` and `up` span the picture; `slope` is tan(half the view
-    angle).
-    floor : unit normal of the floor. A plate seen from the front (`front`) has an upright board behind it as its floor.
-    """
+    """Camera at `eye` that looks along `forward`; `right` and `up` span the picture. slope : tan(half the view angle).
+    floor : unit normal of the floor.    front : whether a plate is seen from the front, with a board as its floor."""
 
     eye: Floats
     right: Floats
@@ -35,8 +33,7 @@ class View:
 
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
     """Return the unit vector (3,) that points up for vertices V (n, 3): z, unless the loads point along -y.
-    Up is y if the whole load presses along -y and the supports are low in y, as in computer graphics. Up is also y
-    if the load lies in the plane of a plate and z is normal to the plate."""
+    With such loads, up is y if the supports are low in y, or if the surface is a plate whose normal is not y."""
     z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     if load is None or surface is None:
         return z
@@ -66,7 +63,7 @@ def _normal(V: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ViewSide:
-    """Direction of a view: `towards` the eye, and `up`, `floor` and `front` as in `View`."""
+    """Direction `towards` the eye, and `up`, `floor` and `front` as in `View`."""
 
     towards: Floats
     up: Floats
@@ -88,7 +85,7 @@ def best_side(V: Floats, up: Floats) -> ViewSide:
 
 
 NAMED_ANGLES = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
-"""Azimuth and elevation (degrees) of named views; front and side are a little raised, so that the ground is visible."""
+"""Azimuth and elevation (degrees) of named views. Front and side are raised slightly to show the ground."""
 
 
 def named_side(V: Floats, up: Floats, name: str) -> ViewSide:
@@ -119,7 +116,7 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """Return a view nearly along a plate's normal, from the positive side of its axis (for a plate in xz, from -y)."""
+    """Return a view almost along a plate's normal, from the side of +x or +z, or of -y for a plate in xz."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up
@@ -129,7 +126,7 @@ def _face_on(normal: Floats, up: Floats) -> ViewSide:
 
 
 def _plan_axes(V: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """Return the directions (3,) to the front and to its right; the long side of a long plan is at the front."""
+    """Return the directions (3,) to the front and to the right; the front shows the long side of a long plan."""
     vertical = int(np.argmax(np.abs(up)))
     right = np.eye(3)[{0: 1, 1: 0, 2: 0}[vertical]]
     front = np.cross(right, up)
@@ -164,8 +161,8 @@ def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, flo
 
 
 def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
-    """Return the sides of a plan and of an elevation of vertices V (n, 3), square to their smallest rectangle in plan.
-    The long side of the rectangle is in front; a rectangle along the axes wins unless another is clearly smaller."""
+    """Return the views of a plan and of an elevation of vertices V (n, 3), along the sides of their smallest rectangle.
+    The elevation shows the long side. A rectangle along the coordinate axes wins if it is at most 2 % larger."""
     across = np.eye(3)[{0: 1, 1: 0, 2: 0}[int(np.argmax(np.abs(up)))]]
     turns = np.radians(np.arange(90.0))
     rights = np.outer(np.cos(turns), across) + np.outer(np.sin(turns), np.cross(up, across))
@@ -176,16 +173,16 @@ def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
     return ViewSide(up, -front, up, False), ViewSide(front, up, up, False)
 
 
-FAR = 400.0  # distance of the eye of a parallel view, over the size of what it sees; perspective shortens 1 / 800
+FAR = 400.0  # distance of the eye in a parallel view, divided by the size of the points
 
 
 def plane_extents(points: Floats, side: ViewSide) -> Floats:
-    """Return the width and height (2,) of points (n, 3) seen from a side without perspective (m)."""
+    """Return width and height (2,) of points (n, 3), in metres, seen from a side in parallel projection."""
     return np.asarray(np.ptp(points @ _picture_frame(side)[:2].T, axis=0))
 
 
 def parallel_view(points: Floats, side: ViewSide, size: tuple[int, int], pixels_per_metre: float) -> View:
-    """Return the view from far away of points (n, 3), in the middle of a picture of a size in pixels, at a scale."""
+    """Return the view of points (n, 3) from far away, in the middle of a picture. size : of the picture (pixels)."""
     frame = _picture_frame(side)
     places = points @ frame.T
     middle = (places.min(axis=0) + places.max(axis=0)) / 2

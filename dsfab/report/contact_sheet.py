@@ -18,11 +18,7 @@ from dsfab.study.variations import Values
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-
-GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104
-"""Distances in pixels: between tiles, around the sheet, below a tile for its label, and above the tiles for the
-title."""
-
+GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104  # pixels between tiles, around the sheet, for a tile's label, for the title
 MAX_COLUMNS = 8  # Largest number of tiles in a row.
 PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
@@ -30,7 +26,7 @@ PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 @dataclass(frozen=True, eq=False)
 class ContactTile:
     """A variant on a contact sheet: number from 1, parameters as (short name, text), command, and picture or error.
-    png : the picture as a PNG file, which takes a tenth of the memory of an image."""
+    png : the picture as a PNG file, which needs a tenth of the memory of an image."""
 
     number: int
     parameters: tuple[tuple[str, str], ...]
@@ -51,13 +47,13 @@ class ContactTile:
         return f"{self.number:03}.png"
 
     def label(self, letters: int | None = None) -> str:
-        """Return the parameters in a line; `letters` is the largest length of each word in their names."""
+        """Return the parameters in a line. letters : largest length of the words in their names."""
         names = (".".join(word[:letters] for word in name.split(".")) for name, _ in self.parameters)
         return "   ".join(f"{name} {text}" for name, (_, text) in zip(names, self.parameters, strict=True))
 
 
 def column_count(count: int, runs: Sequence[int]) -> int:
-    """Return the number of tiles in a row; if possible a row holds all values of the keys that change fastest."""
+    """Return the number of tiles in a row. runs : values per key; rows hold all values of the last keys if possible."""
     row, columns_of_runs = 1, 1
     for run in reversed(runs[1:]):
         row *= run
@@ -74,7 +70,7 @@ def contact_sheet(
     aspect: float,
     palette: Palette,
 ) -> "Image":
-    """Return a sheet of tiles with title and subtitle. tile_width : pixels. aspect : width over height of a tile."""
+    """Return a sheet of tiles with title and subtitle. tile_width : pixels. aspect : width / height of a tile."""
     from PIL import Image, ImageDraw, ImageFont
 
     tile_height, rows = round(tile_width / aspect), -(-len(tiles) // columns)
@@ -145,8 +141,7 @@ def _wrapped_lines(text: str, room: float, font: Any) -> list[str]:
 
 
 def contact_page(tiles: Sequence[ContactTile], title: str, subtitle: str, columns: int) -> str:
-    """Return the contact sheet as HTML with picture, parameters and command of each variant; pictures are files
-    beside it."""
+    """Return the contact sheet as HTML: picture, parameters and command of each variant; pictures are files."""
     figures = "\n".join(_figure(tile) for tile in tiles)
     body = f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>\n<main>\n{figures}\n</main>\n{_FOOT}"
     across = columns if columns <= 4 else next((k for k in (4, 3) if columns % k == 0), 4)

@@ -47,7 +47,7 @@ code { font: 12.5px/1.55 var(--mono); background: var(--tint); padding: .15rem .
 
 
 def page_style() -> str:
-    """Return the CSS that all pages share; the rules of a page follow it."""
+    """Return the CSS that all pages share."""
     colours = " ".join(f"--{name}: rgb{colour};" for name, colour in COLOURS.items())
     fonts = (
         '--sans: system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; '
@@ -114,7 +114,7 @@ class Banner:
 @dataclass(frozen=True)
 class Table:
     """Rows under a head; `pass` and `fail` are coloured. left_columns : number of columns that are flush left.
-    widths : of columns, as shares of the page's; empty if equal.    note : text below the table.
+    widths : relative widths of the columns; empty if equal.    note : text below the table.
     strong : numbers of emphasised rows."""
 
     caption: str
@@ -137,7 +137,7 @@ class ColourScale:
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """A picture: PNG or JPEG bytes of (width, height) pixels; `width` is its share of the page's width, 0 to 1.
+    """A picture: PNG or JPEG bytes of (width, height) pixels. width : share of the page's width, 0 to 1.
     missing : reason for a missing picture."""
 
     caption: str
@@ -342,4 +342,4 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
   caption { max-width: calc(100vw - 2.4rem); } }
 """
 """CSS of a document: an A4 sheet on screen and on paper. RUNNING and FOOTER become texts at the edges of printed pages.
-QUIET becomes a colour, because the edges of a page cannot read CSS variables."""
+QUIET becomes a colour, because CSS variables do not work at the edges of a page."""

@@ -80,12 +80,6 @@ class PdfStyles:
             markup = markup.replace(" ", "\u00a0")  # no line break between number and unit
         return self.text(markup, f"{kind}_{'left' if is_left else 'right'}")
 
-    def gap(self, millimetres: float) -> Any:
-        """Return an empty space of this height."""
-        from reportlab.platypus import Spacer
-
-        return Spacer(1, millimetres * MM)
-
 
 def fonts(text: str) -> tuple[str, str, str]:
     """Return regular, bold and monospaced font: Helvetica and Courier for Western letters, else DejaVu Sans."""
@@ -197,7 +191,7 @@ def document_pdf(document: Document) -> bytes:
 
 
 def _numbered_canvas(document: Document, styles: PdfStyles, *arguments: Any, **named: Any) -> Any:
-    """Return a canvas that draws headers and footers after the last page, because they contain the number of pages."""
+    """Return a canvas that draws headers and footers after the last page, when the number of pages is known."""
     from reportlab.pdfgen.canvas import Canvas
 
     class NumberedCanvas(Canvas):  # type: ignore[misc]
@@ -269,6 +263,8 @@ def _section(number: int, section: ReportSection, styles: PdfStyles) -> list[Any
 
 
 def _block(block: Block, styles: PdfStyles) -> list[Any]:
+    from reportlab.platypus import KeepTogether
+
     match block:
         case Paragraph(text, kind):
             return [styles.text(text, kind or "body")]
@@ -283,7 +279,7 @@ def _block(block: Block, styles: PdfStyles) -> list[Any]:
         case FigureRow(figures):
             return _figure_rows(figures, styles)
         case ReportFigure():
-            return [_on_one_page(_figure(block, styles, TEXT_WIDTH * block.width))]
+            return [KeepTogether(_figure(block, styles, TEXT_WIDTH * block.width))]
 
 
 def _code(text: str, styles: PdfStyles) -> Any:
@@ -312,7 +308,7 @@ def _banner(banner: Banner, styles: PdfStyles) -> Any:
 
 
 def _table(table: Table, styles: PdfStyles) -> list[Any]:
-    from reportlab.platypus import KeepTogether
+    from reportlab.platypus import KeepTogether, Spacer
     from reportlab.platypus import Table as Cells
 
     def line(row: Sequence[str], kind: str) -> list[Any]:
@@ -334,7 +330,7 @@ def _table(table: Table, styles: PdfStyles) -> list[Any]:
         *(("BACKGROUND", (0, i + 1), (-1, i + 1), reportlab_colour(COLOURS["tint"])) for i in table.strong),
     ]
     cells = Cells([line(table.head, "head"), *body], widths, style=look, repeatRows=1, hAlign="LEFT")
-    below = [styles.text(table.note, "note")] if table.note else [styles.gap(4)]
+    below = [styles.text(table.note, "note")] if table.note else [Spacer(1, 4 * MM)]
     flowables = [styles.text(table.caption, "caption"), cells, *below]
     return [KeepTogether(flowables)] if len(body) < 20 else flowables
 
@@ -343,12 +339,6 @@ def _figure_rows(figures: Sequence[ReportFigure], styles: PdfStyles) -> list[Any
     half = TEXT_WIDTH / 2 - 3
     cells = [_figure(figure, styles, half) for figure in figures] + [[]] * (len(figures) % 2)
     return [_grid([cells[i : i + 2]], [TEXT_WIDTH / 2] * 2) for i in range(0, len(cells), 2)]
-
-
-def _on_one_page(parts: list[Any]) -> Any:
-    from reportlab.platypus import KeepTogether
-
-    return KeepTogether(parts)
 
 
 def _figure(figure: ReportFigure, styles: PdfStyles, width: float) -> list[Any]:
@@ -373,7 +363,7 @@ def _scale(scale: ColourScale, styles: PdfStyles, width: float) -> list[Any]:
     kinds = ["scale_left", *["scale"] * (ends - 2), "scale_right"]
     words = [styles.text(escaped_text(text), kind) for text, kind in zip(scale.labels, kinds, strict=True)]
     bare = [(f"{side}PADDING", (0, 0), (-1, -1), 0) for side in ("LEFT", "RIGHT", "TOP", "BOTTOM")]
-    # labels stand at the borders of the bands, so the first and the last label get half a cell
+    # labels stand at the borders of the bands, and the first and the last label at the ends
     step = share / (ends - 1)
     labels = Cells([words], [step / 2, *[step] * (ends - 2), step / 2], style=bare, hAlign="LEFT")
     return [styles.text(escaped_text(scale.title), "scale_title"), bands, labels]

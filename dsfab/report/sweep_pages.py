@@ -1,6 +1,5 @@
 """Pages of a sweep: index.html, the contact sheet, and the pictures of runs."""
 
-import io
 import json
 import shlex
 import threading
@@ -26,6 +25,7 @@ from dsfab.render import light
 from dsfab.render.drawing import Annotations, Stage, page_view, render_stage, set_stage
 from dsfab.render.lettering import PAPER
 from dsfab.render.opengl import require_rendering
+from dsfab.render.picture import png_bytes
 from dsfab.render.scene import Body, Scene
 from dsfab.render.view import named_side, up_axis
 from dsfab.report.contact_sheet import SHEET_NAME, ContactTile, column_count, contact_sheet
@@ -40,7 +40,6 @@ from dsfab.study.variations import short_names, spelled_value
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-
 MEMBERS = np.array(PAPER.members, dtype=np.uint8)
 _stages = threading.local()  # Each thread keeps its last surface, drawer, and stage.
 
@@ -54,23 +53,18 @@ def require_view(name: str) -> None:
 @dataclass(frozen=True)
 class SheetDrawer:
     """Draws the cut sheet of a design as PNG. size : pixels. view : as in `dsfab preview`. A drawer can be pickled.
-    The uncut surface fills the picture, so that pictures of one surface can be overlaid.
+    The uncut surface fills the picture, so that all pictures of one surface fit on each other.
     Raises DsfabError for an unknown view, and if this machine cannot draw."""
 
     size: tuple[int, int]
     view: str
 
     def __call__(self, design: Design) -> bytes:
-        from PIL import Image
-
         sheet = design.sheet.surface
         stage = self._empty_stage(design)
         stage = replace(stage, bodies=[Body(sheet.V, sheet.F, MEMBERS, casts=True)])
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-            picture: Image.Image = render_stage(scene, stage, PAPER, self.size, light.QUICK)
-        file = io.BytesIO()
-        picture.save(file, format="PNG", optimize=False)
-        return file.getvalue()
+            return png_bytes(np.asarray(render_stage(scene, stage, PAPER, self.size, light.QUICK)))
 
     def _empty_stage(self, design: Design) -> Stage:
         if getattr(_stages, "of", None) != (id(design.surface), self):
@@ -84,7 +78,7 @@ class SheetDrawer:
             stage = replace(stage, view=page_view([uncut_body], side, self.size, words=False))
             if side.towards @ up < 0:  # a view from below looks through the ground
                 stage = replace(stage, level=None)
-            # the id of a surface identifies its stage: no new surface gets the id while the old surface is stored
+            # while a surface is stored, no other surface gets its id
             _stages.of, _stages.surface, _stages.stage = (id(design.surface), self), surface, stage
         cached: Stage = _stages.stage
         return cached
@@ -173,7 +167,7 @@ def _tile(folder: Path, row: RunRow, metric: str) -> ContactTile:
 
 
 def sweep_summary(folder: SweepFolder) -> str:
-    """Return lines about a sweep: states of the runs, best run, front of best runs, and files."""
+    """Return lines about a sweep: states of the runs, best run, Pareto front, and files."""
     rows, plan = folder.rows(), folder.plan
     metric, other_metric = first_metric(plan), second_metric(plan)
     states = [row.state for row in rows]
@@ -222,9 +216,8 @@ def missing_runs_line(folder: SweepFolder) -> str:
 
 
 def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> str:
-    """Return index.html, which opens offline; `y_metric` and `x_metric` are the first metrics of its chart.
-    It contains all numbers, also missing values and failed runs; pictures are files beside it. Script: sweep_page.html.
-    """
+    """Return index.html, an offline page with all numbers, also of failed runs. Pictures are separate files.
+    y_metric, x_metric : metrics that its chart shows first."""
     facts = _page_facts(folder, rows, y_metric, x_metric)
     text = json.dumps(facts, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")

@@ -50,7 +50,7 @@ class Web:
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
     """Return the better of two webs: with rings of the major family, or with rings of the minor family.
     phases : (n, 2) phases of the major and minor family; a whole number lies in the middle of a member.
-    load, supported : (n,) marked vertices under the load, and at supports."""
+    load, supported : (n,) vertices under the load, and vertices at supports."""
     webs = []
     for k, name in enumerate(("major", "minor")):
         levels = _levels(phases[:, k])
@@ -62,7 +62,7 @@ def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
 
 
 def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[int, int]:
-    """Return how many middle lines of the major and minor family connect two sets of vertices (n,) without a gap."""
+    """Return how many members of the major and minor family connect two sets of vertices (n,) without a gap."""
     counts = [0, 0]
     for k, z in enumerate(phases.T):
         for level in _levels(z):
@@ -97,7 +97,7 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return the vertices (n,) inside the line z = level around the load; None if no disc or if supported."""
+    """Return the vertices (n,) inside the line z = level around the load; None if supported, or if not a disc."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
@@ -116,7 +116,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Return how many middle lines of the second family (whole numbers z) cross the line ring = 0 around a region."""
+    """Return how many members of the second family (integers of z) cross the line ring = 0 around a region."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))

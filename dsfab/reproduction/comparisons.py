@@ -1,4 +1,4 @@
-"""Comparisons that the paper shows: Michell's truss, anisotropy, von Mises stress, earlier work, and editing speed."""
+"""Comparisons that the paper makes: Michell's truss, anisotropy, von Mises stress, earlier work, and editing speed."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -26,7 +26,7 @@ from dsfab.study.baselines.structures import mode_like_field
 
 
 def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    """Compare stripes by diffusion with as many stripes of an integrated field, and with traced lines."""
+    """Compare stripes by diffusion with stripes of integrated fields and with traced lines, all equally dense."""
     name = design.preset.name
     integrated, lines = integrated_design(design), traced_lines(design)
     rows = []
@@ -141,7 +141,7 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
 
 
 def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
-    """Return how many changes are drawn in a second, from the median time; the first two frames do not count."""
+    """Return how many changes are drawn in a second, from the median time without the first two frames."""
     taken = list[float]()
     for number in range(frames):
         begin = time.perf_counter()
@@ -154,7 +154,7 @@ RATIOS = (1.0, 10.0, 100.0)  # Values of the anisotropy r in the comparison.
 
 
 def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:
-    """Return the comparisons that the paper shows for this figure. shown : existing pictures by file name."""
+    """Return the paper's comparisons for this figure. shown : existing pictures by file name."""
     name = design.preset.name
     if name == "hanging_bar":
         return [_michell_comparison(design, shown), _anisotropy_comparison(design, folder)]

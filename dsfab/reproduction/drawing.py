@@ -11,7 +11,7 @@ from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
 
 SMALL, LARGE = (560, 420), (1120, 840)  # Sizes of the pictures of steps, and of the structure, pixels.
-LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Between the qualities of a sweep and of a single picture.
+LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Better than in a sweep.
 
 VIEWS = {
     "pavilion": "25,35",
@@ -25,8 +25,8 @@ VIEWS = {
 }
 """Views of figures whose default view hides their subject; see `dsfab.render.view`."""
 
-MARKS = ("loads", "supports", "person", "gradients")  # Pictures may show these marks; only modes have gradients.
-SCALE = {"pavilion": "tree"}  # Marks that show the size in place of a person, as in the paper.
+MARKS = ("loads", "supports", "person", "gradients")  # Marks of all pictures; only modes have gradients.
+SCALE = {"pavilion": "tree"}  # Marks in place of a person, as in the paper.
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class PaperPicture:
 
 @dataclass(frozen=True, eq=False)
 class PaperComparison:
-    """A comparison that the paper makes: rows of pictures."""
+    """A comparison from the paper, as rows of pictures."""
 
     title: str
     words: str

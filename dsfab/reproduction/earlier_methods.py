@@ -40,7 +40,7 @@ def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
 
 
 def integrated_design(design: Design) -> Design:
-    """Return a design that has integrated fields in place of its modes; the stripes stay equally dense."""
+    """Return a design with integrated fields in place of its modes, and equally dense stripes."""
     surface, tensors, modes = design.surface, design.diffusion.tensors, []
     for family in drawn_families(design):
         field = integrated_field(surface, weakest_directions(family.D), ~tensors.isotropic)
@@ -57,27 +57,25 @@ def strongest_directions(D: Floats) -> Floats:
 
 def weakest_directions(D: Floats) -> Floats:
     """Return unit directions (m, 3) of the least diffusion in the plane of each face, for tensors D (m, 3, 3).
-    Their eigenvalue is the middle one of 0, 1 and r; stripes run across these directions."""
+    Stripes run across these directions. Their eigenvalue is the middle one of 0, 1 and r."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 1])
 
 
 def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Floats:
-    """Return the field u (n,) in metres whose gradient best fits given directions, in the mean square over clear faces.
-
+    """Return the field u (n,) in metres whose gradient fits given directions on clear faces by least squares.
     direction : (m, 3) unit vectors, whose sign does not count.
     clear     : (m,) faces that have a direction; on the other faces the field is as flat as possible."""
     target = consistent_directions(surface, direction) * clear[:, None]
     pull = np.einsum("mik,mk->mi", hat_gradients(surface), target) * surface.areas[:, None]
     K = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
-    # a weak spring holds each piece of the surface, because the equations leave a constant free
+    # a weak spring fixes the constant that the equations leave free on each piece
     K = csr_array(K + 1e-9 * K.diagonal().mean() * eye_array(surface.n))
     b: Floats = np.bincount(surface.F.ravel(), pull.ravel(), minlength=surface.n).astype(np.float64)
     return np.asarray(factorise(K, surface.V)(b))
 
 
 def consistent_directions(surface: Surface, direction: Floats) -> Floats:
-    """Return directions (m, 3) whose signs agree between neighbours, along a spanning tree of faces with the least
-    turns."""
+    """Return directions (m, 3) with consistent signs along a spanning tree of faces, where directions turn least."""
     i, j = surface.edges.pairs.T // 3
     dot = np.einsum("ek,ek->e", direction[i], direction[j])
     turn = coo_array((1.0 + 1e-6 - np.abs(dot), (i, j)), shape=(surface.m, surface.m)).tocsr()
@@ -98,7 +96,7 @@ def typical_slope(surface: Surface, value: Floats) -> float:
     return quantile(slope, surface.areas, 0.5)
 
 
-NEAR = 0.5  # A line ends at this distance from another line, divided by the wanted distance between lines.
+NEAR = 0.5  # A line ends at this distance from a traced line, divided by the intended distance of lines.
 End = Literal["boundary", "inside", "round"]
 
 
@@ -131,7 +129,7 @@ def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
 
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
-    """Return lines along unit directions (m, 3), whose sign does not count, in clear faces (m,).
+    """Return lines along unit directions (m, 3), whose sign does not count. clear : (m,) faces that have a direction.
     Lines are about `apart` metres apart, and longer than `apart`."""
     walk = _Walk(surface, direction, clear, apart)
     centres = surface.centroids
@@ -173,7 +171,7 @@ class _Walk:
             runs.append(runs[-1] + float(np.linalg.norm(p - points[-1])))
             points.append(p)
             faces.append(face)
-            # a line counts as closed only if it is longer than three distances between lines
+            # a closed line is longer than three distances between lines
             passed = int(np.searchsorted(runs, runs[-1] - 3 * self.apart))
             if (back := self._return_index(points[:passed], p)) is not None:
                 came = back * 2 < passed

@@ -1,4 +1,4 @@
-"""The paper's figures, made again: their measures, sentences and pictures."""
+"""The paper's figures, made again: pictures, measures and sentences."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -21,14 +21,13 @@ STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode",
 """Pictures of a figure besides its structure, in the order of the method."""
 
 RUNS = 3  # Number of runs; the page reports their median seconds.
-
 RENDITION_TITLES = {"letter": "The paper to the letter", "preset": "The preset", "stripes": "dsfab's stripes"}
 """Titles of the three renditions of a figure."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
-    """A rendition of a figure, its picture, and the result for the paper's claim, or ''.
+    """A rendition of a figure, its picture, and the result of the test of the paper's claim, or ''.
     edge : edge length of its mesh, metres; 0 if the rendition failed."""
 
     rendition: Rendition
@@ -78,8 +77,7 @@ def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> Figu
 
 
 def processor_seconds(design: Design) -> dict[str, float]:
-    """Return processor seconds by columns of the paper's Table 2, from surface to modes: the median of `RUNS` runs.
-    Other programs hardly change processor seconds."""
+    """Return processor seconds by columns of the paper's Table 2, from surface to modes: the median of `RUNS` runs."""
     runs = []
     for _ in range(RUNS):
         log = Log(None, clock=time.process_time)

@@ -1,4 +1,4 @@
-"""The page of `dsfab reproduce`: all figures with their renditions, measures and seconds, and a test of the claim."""
+"""The page of `dsfab reproduce`: all figures with renditions, measures and seconds, and a test of the paper's claim."""
 
 import base64
 import io
@@ -23,11 +23,11 @@ from dsfab.reproduction.volumes import RIVALS
 Row = Mapping[str, Any]  # Row of sphere_volumes.json.
 OURS = ("row", "design", "stripes")
 OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
-"""Structures on modes and stripes (`OURS`), and the structures with which the page compares their stiffness."""
+"""Diffusion structures (`OURS`), and the structures with which the page compares their stiffness (`OTHERS`)."""
 
 
 def claim_section(rows: Sequence[Row]) -> str:
-    """Return the section about compliance against mass of the sphere; '' without rows."""
+    """Return the section about the sphere's compliance at several masses; '' without rows."""
     if not rows:
         return ""
     row_by_key = {(row["name"], row["volume"]): row for row in rows}
@@ -52,7 +52,7 @@ def claim_section(rows: Sequence[Row]) -> str:
 
 
 def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
-    """Return one row's stiffness divided by another's, with lower and upper bound; None if either carries no loads."""
+    """Return the stiffness of a row divided by a rival's, with bounds; None if either carries no loads."""
     if not own_row or not rival or not own_row["compliance_J"] or not rival["compliance_J"]:
         return None
     ratio = rival["compliance_J"] / own_row["compliance_J"]
@@ -280,7 +280,7 @@ def _section(pictures: FigurePictures, coarser: float) -> str:
     if pictures.error:
         return f"{head}{reason_paragraph(f'Not made: {pictures.error}')}</section>"
     shown = [picture_cell(image, figure.preset, "large" if i == 0 else "") for i, image in enumerate(pictures.shown)]
-    # the list of facts follows four pictures, so that pictures of the two stripe families start a new row
+    # the facts complete the two rows beside the large picture; the next row has four pictures of modes and stripes
     cells = "".join([*shown[:4], _facts(pictures, coarser), *shown[4:]])
     return f'{head}{rendition_section(pictures, coarser)}<div class="steps">{cells}</div>{_tables(pictures)}</section>'
 
@@ -362,7 +362,7 @@ section > .why { aspect-ratio: auto; padding: 2rem; }
 .tables th:first-child, .tables td:first-child { padding-left: 0; } .tables td + td { padding-left: .6rem; }
 @media print { section { break-inside: avoid; } }
 """
-"""CSS of the page: four pictures in a row; the structure takes the room of four."""
+"""CSS of the page: four columns; the picture of the structure is two columns wide."""
 
 SMALL_NAME = "small.html"
 LINKED = re.compile(r'<a href="[\w.-]+\.webp">(<img[^>]*>)</a>')
@@ -370,7 +370,7 @@ PICTURE = re.compile(r'src="([\w.-]+\.(?:webp|svg))"')
 
 
 def small_page(text: str, folders: Sequence[Path]) -> str:
-    """Return the page with its pictures inside, at half their width and height.
+    """Return the page as one file, with its pictures at half their width and height.
     text : the page. folders : folders that may hold its pictures."""
     data_by_name: dict[str, str] = {}
 

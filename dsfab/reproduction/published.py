@@ -38,14 +38,13 @@ class Timings:
 @dataclass(frozen=True)
 class PaperFigure:
     """A figure of the paper.
-
     label    : number and letter in the paper.
     preset   : preset of the figure.
     caption  : content of the figure.
     row      : its row of Table 1; None for the camel without load, which Table 1 omits.
     timings  : its row of Table 2; figures with the same mesh share a row.
     stand_in : reason why dsfab's surface is not the paper's; '' for a surface by a formula.
-    claim    : claim of the paper that a check covers: web, beam, beams (between loads) or grid; or ''."""
+    claim    : claim of the caption that dsfab tests: web, beam, beams (between loads) or grid; or ''."""
 
     label: str
     preset: str

@@ -22,7 +22,7 @@ LETTER: Mapping[str, Any] = {
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
 }
-"""Settings of the paper for keys that presets may set otherwise; modes, frequencies and phases are those of Table 1."""
+"""The paper's settings of keys that presets may set otherwise; modes, frequencies and phases are those of Table 1."""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
@@ -35,8 +35,7 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
 }
 """Keys that presets may set otherwise than the paper: the paper's value, and a text for any other value."""
 
-SHARES = (0.3, 0.5)
-"""Least and largest share of material for the rendition with stripes; above a half they form no lattice."""
+SHARES = (0.3, 0.5)  # least and largest share of material for the rendition with evenly spaced stripes
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +47,10 @@ class Rendition:
     share        : share of the surface that is kept, with loose pieces.     pieces : number of pieces.
     loose        : number of pieces without a support.
     carried      : share of the loads on pieces with a support; nan without loads.
-    over_uncut   : compliance divided by that of the uncut sheet, each by one solve (up to 15 % off for cut sheets);
+    over_uncut   : compliance divided by that of the uncut sheet, each by one solve, with an error of up to 15 %;
                    infinite if the design does not carry its loads.
     over_thinner : compliance divided by that of a thinner sheet of the same mass.
-    deviation    : degrees between members and principal directions, of the worse family.
+    deviation    : angle between members and principal directions, degrees, of the worse family.
     evenness     : ratio P95 / P5 of the spacing, of the worse family.
     crossing     : smallest angle between crossing members, degrees.
     uncarried    : reason why the design does not carry its loads, if `over_uncut` is infinite."""
@@ -85,7 +84,7 @@ def renditions(design: Design) -> tuple[Rendition, ...]:
     letter = measured_rendition("letter", design, LETTER, uncut)
     shipped = measured_rendition("preset", design, {}, uncut)
     share = float(np.clip(np.nan_to_num(shipped.share, nan=0.5), *SHARES))
-    # presets on modes have no spacing: frequency 0 spaces stripes by a twelfth of the surface's side
+    # frequency 0 spaces stripes by a twelfth of the surface's side, because presets on modes have no spacing
     stripes = {
         "pattern.method": "stripes",
         "pattern.width": {"rule": "graded", "solid_fraction": round(share, 3)},
@@ -111,7 +110,7 @@ def measured_rendition(
     name: str, base_design: Design, settings: Mapping[str, Any], uncut_compliance: dict[str, float] | None = None
 ) -> Rendition:
     """Return a rendition with its measures; unchanged stages of `base_design` are used again.
-    uncut_compliance : compliance of the uncut sheet by material law; this function fills it for further renditions."""
+    uncut_compliance : compliance of the uncut sheet by material law, filled by this function for further calls."""
     try:
         preset = with_overrides(base_design.preset, dict(settings)) if settings else base_design.preset
         design = draft(preset, earlier=base_design)
@@ -128,8 +127,8 @@ def measured_rendition(
 
 
 def _carried_share(design: Design) -> float:
-    """Return the share of the loads on pieces with a support; nan without loads.
-    design : design with its loose pieces. A load without material acts on the nearest material."""
+    """Return the share of the loads on pieces with a support; nan without loads. design : must have its loose pieces.
+    A load without material acts on the nearest material."""
     if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan
     try:
@@ -145,7 +144,7 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return the compliance divided by an uncut sheet's, and by a thinner sheet's, and the reason of a failure.
+    """Return the compliance divided by an uncut sheet's, and by a thinner sheet's, and the reason of a failure or ''.
     The values are nan without loads, and infinite if the design does not carry its loads."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)

@@ -1,4 +1,4 @@
-"""The paper's cut by upsampling in comparison with the exact cut: errors and numbers of triangles."""
+"""The paper's cut by upsampling beside the exact cut: errors and numbers of triangles."""
 
 import io
 from collections.abc import Sequence
@@ -29,9 +29,9 @@ class StripedField(NamedTuple):
 
 
 class UpsampledCut(NamedTuple):
-    """A cut by upsampling, after `rounds` in which crowded triangles were divided; 0 rounds leave the mesh unchanged.
+    """A cut by upsampling. rounds : number of times that all crowded triangles were divided.
     triangles : number of triangles in the cut sheet, material and void.
-    crowded   : number of triangles of the divided mesh with more than one line.
+    crowded   : number of triangles that more than one stripe edge crosses, after these rounds.
     wrong     : share of the surface on which this cut and the exact cut differ."""
 
     rounds: int
@@ -58,8 +58,8 @@ def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
 
 
 def compare_cuts(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
-    """Cut any stripes on any surface by both methods. Division ends after `rounds`, or if no triangle is crowded,
-    or if the mesh has over 200 000 triangles. Where families cross, triangles stay crowded."""
+    """Cut any stripes on any surface by both methods. Triangles where families cross stay crowded.
+    Division ends after `rounds`, without crowded triangles, or beyond 200 000 triangles."""
     exact = _cut(surface, [family.x for family in families], [family.stripes.levels(family.x) for family in families])
     cuts: list[UpsampledCut] = []
     for number in range(rounds + 1):
@@ -78,7 +78,7 @@ def _cut(surface: Surface, fields: Sequence[Floats], levels: Sequence[Floats]) -
 
 
 def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
-    """Return the number (m,) of stripe edges through each triangle."""
+    """Return how many stripe edges cross each triangle (m,)."""
     count = np.zeros(surface.m, dtype=np.int64)
     for stripes, x in families:
         levels, corners = stripes.levels(x), x[surface.F]
@@ -88,7 +88,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
 
 
 def _divide(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
-    """Split crowded triangles into four, and their neighbours into two or three, so that all edges still match."""
+    """Divide crowded triangles into four, and their neighbours into two or three, so that all edges still match."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True
@@ -98,7 +98,7 @@ def _divide(surface: Surface, families: Sequence[StripedField], crowded: Bools) 
 
 
 def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
-    """Return the share of area on which interpolated values (n,) and exact values differ, from samples on each face."""
+    """Return the share of area on which interpolated and exact values (n,) differ, from samples on each face."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side

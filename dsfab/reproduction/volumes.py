@@ -1,4 +1,4 @@
-"""Test of the paper's claim on a sphere: compliance against mass of diffusion structures and their competitors."""
+"""Test of the paper's claim on a sphere: compliance at equal mass of diffusion structures and their competitors."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -29,8 +29,7 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""The sphere's row of Table 1: no kept regions, plain widths, phase 0; signs label the families, unlike in the
-paper."""
+"""The sphere's row of Table 1: no kept regions, plain widths, phase 0; but signs of stress label the families."""
 LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` exactly as the paper states it.
 SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 
@@ -48,8 +47,8 @@ RIVALS = {
 
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
-    """Write the data and the chart of the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
-    All structures are judged on finer and finer meshes; the best pair of isotropic modes is found by one solve each.
+    """Write data and chart of the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
+    All structures are judged on finer and finer meshes; single solves find the best pair of isotropic modes.
     coarser : factor on `EDGE`."""
     from dsfab.study import compare_at, full_at_many_shares
 
@@ -67,7 +66,7 @@ def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, share
 
 
 def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
-    """Return the sphere with these changes, up to its pattern, without fillets, which would make thin triangles."""
+    """Return the sphere with these changes, up to its pattern; without fillets, which would make thin triangles."""
     from dsfab.design import draft
     from dsfab.preset.file import load_preset, with_overrides
 
@@ -86,7 +85,7 @@ def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
     """Return the row of `compare_at` for each rival, at this share of material.
-    design : compliance of the reference design, J; None if it does not carry its loads."""
+    design : compliance of the reference design (J); None if it does not carry its loads."""
     from dsfab.study import compare_at
 
     rows = []

@@ -3,7 +3,7 @@
 axonometry   members in parallel projection        flat_parts     cut list, sheets, nodes, families
 paper        drawing on a sheet of paper           bar_pages      pages of bars and joints
 overview     cover, views, bent parts, steps       card_model     the page for a model in card
-book         all pages: `assembly_pdf`             interactive_page   the page to click: `assembly_page`"""
+book         all pages: `assembly_pdf`             interactive_page   the page for a browser: `assembly_page`"""
 
 from dsfab.report.assembly.book import assembly_pdf
 from dsfab.report.assembly.interactive_page import assembly_page

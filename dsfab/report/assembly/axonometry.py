@@ -1,4 +1,4 @@
-"""Members in parallel projection; the farthest face is drawn first [painter's algorithm]."""
+"""Members in parallel projection, drawn from the farthest face to the nearest [painter's algorithm]."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -25,7 +25,7 @@ class Axonometry:
 
     @classmethod
     def from_angles(cls, up: Floats, azimuth: float = AZIMUTH, elevation: float = LEAST_ELEVATION) -> Self:
-        """Return a view by its azimuth about `up` and its elevation over the ground, degrees; elevation 90: a plan."""
+        """Return a view by its azimuth about `up` and its elevation above the ground (degrees); 90 gives a plan."""
         x = np.array([1.0, 0.0, 0.0])
         y = np.cross(up, x)
         a, e = np.radians(azimuth), np.radians(elevation)
@@ -54,8 +54,8 @@ class MemberFaces:
 
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all bars and plates of a plan of bars, or else of all its members except fills.
-    A member lies in its uppermost layer. A plank has both sides and its upper edge, a plate one side."""
+    """Return the faces of all bars and plates; for a plan without bars, the faces of all its members except fills.
+    A strip lies in its uppermost layer. Planks show two sides and an upper edge, plates one side."""
     assert plan.graph is not None
     if plan.bars:
         return bar_faces(plan, palette)
@@ -147,11 +147,11 @@ class FaceList:
 def painted_faces(
     faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]
 ) -> FaceList:
-    """Return all faces in drawing order; `colours` by member replaces the colours of these members."""
+    """Return all faces in drawing order. colours : other colours of some members, by name."""
     quads = np.concatenate([face.quads for face in faces])
     tints = np.concatenate([np.tile(colours.get(face.id, face.colour), (len(face.quads), 1)) for face in faces])
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
     facing = np.abs(n @ view.eye) / np.maximum(np.linalg.norm(n, axis=1), 1e-30)
-    tints = tints * (0.7 + 0.3 * facing)[:, None]  # a face seen edge-on is darker
+    tints = tints * (0.7 + 0.3 * facing)[:, None]  # faces are darker if seen edge-on
     order = (quads.mean(axis=1) @ view.eye).argsort(kind="stable")
     return FaceList(view.projected(quads[order]), tints[order])

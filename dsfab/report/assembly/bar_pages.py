@@ -20,7 +20,7 @@ BAR_RULE = (
     "its bars on the ground, the arm with a bar's name to that bar. What nothing holds yet needs props until the bars "
     "beside it are there."
 )
-"""Order of assembly of `bar_steps`, for the builders."""
+"""Rule for the order of `bar_steps`, printed for the builders."""
 BARS_UNCHECKED = (
     "the statics of bolts, plates and folds: the design was judged as one sheet, and bars on one plate each bend there",
     "the statics while it is being put up; props and scaffolding",
@@ -28,7 +28,7 @@ BARS_UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""Risks of structures of bars that dsfab does not check, for the last page."""
+"""Risks of bars that dsfab does not check, for the last page of the book."""
 
 
 def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
@@ -70,7 +70,7 @@ BAR_TABLE_NOTE = (
 
 
 def bar_row(row: Sequence[str | int | float]) -> list[str]:
-    """Return the words of a row of `bar_table`, without its widths and its number."""
+    """Return a row of `bar_table` as words, without distance of nodes, width and file."""
     name, start_node, end_node, _, bar_length, _, *angles, bow, _ = row
     angle_words = [f"{angle:z.1f}°" for angle in angles]
     return [str(name), str(start_node), str(end_node), f"{bar_length:,.1f}", *angle_words, f"{bow:.1f}"]
@@ -89,7 +89,7 @@ def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
     )
 
 
-SHOWN = 1.7  # On the page of a joint: drawn length of a bar, divided by its overlap with the arm of the plate.
+SHOWN = 1.7  # Drawn length of a bar on the page of a joint, divided by the length of the plate's arm.
 
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:

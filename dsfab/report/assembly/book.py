@@ -40,7 +40,7 @@ LAYERS_UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""Risks of bent layers that dsfab does not check, for the last page."""
+"""Risks of bent layers that dsfab does not check, for the last page of the book."""
 
 
 def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
@@ -63,7 +63,7 @@ def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
 
 
 def book_pages(plan: WorkshopPlan, design: Design) -> list[BookPage]:
-    """Return titles and drawings of all pages. A flat design needs no steps, because its parts lie in one plane."""
+    """Return titles and drawings of all pages. A flat design has no steps of assembly."""
     flat_pages = [*cut_list_pages(plan), *nest_pages(plan)]
     last_page = ("What was not checked", partial(_unchecked_page, plan=plan))
     if plan.graph is None:
@@ -143,7 +143,7 @@ PLANKS_UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""Risks of upright planks that dsfab does not check, for the last page."""
+"""Risks of upright planks that dsfab does not check, for the last page of the book."""
 
 
 def _unchecked_points(plan: WorkshopPlan) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ MODEL_UNCHECKED = (
     "the grain of the card: long strips bend more evenly along it",
     "members of one layer that run into each other, as at a crown: trim them with a knife",
 )
-"""Risks of a card model that dsfab does not check, for the last page."""
+"""Risks of a card model that dsfab does not check, for the last page of the book."""
 PANEL_STEPS = (
     (
         "Sort",
@@ -64,7 +64,7 @@ def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
 
 
 def model_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return the page for a model of members; nothing for a structure at full size."""
+    """Return the page for a model of members; an empty list for a structure at full size."""
     return [(f"Building the model at 1:{plan.model:g}", _model_page(plan))] if plan.model and plan.graph else []
 
 

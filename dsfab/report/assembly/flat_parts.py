@@ -128,10 +128,8 @@ def _part_name(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
 def node_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return pages with a table of all nodes with bolts: members, angle between them, and place."""
     heads, places = ("node", "members", "angle", "x", "y", "z"), (0.0, 16.0, 72.0, 90.0, 107.0, 122.0)
-    note, meets = (
-        "Millimetres, on the middle surface; angles between the members there.",
-        "on" if plan.layering else "with",
-    )
+    note = "Millimetres, on the middle surface; angles between the members there."
+    meets = "on" if plan.layering else "with"
     rows = [_node_row(row, meets) for row in node_table(plan).rows]
     return table_pages("Nodes", rows, (ROWS, COLUMNS), heads, places, note)
 
@@ -150,8 +148,8 @@ def table_pages(
     places: Sequence[float],
     note: str,
 ) -> list[PartsPage]:
-    """Return pages with rows of words, the first word of each row in bold. size : rows and columns of rows on a page.
-    places : millimetres from the left end of a row; words at 50 and more end there, all others begin there."""
+    """Return pages of a table whose first column is bold. size : rows, and groups of columns side by side, on a page.
+    places : of the columns in millimetres; words at places below 50 are flush left, all other words flush right."""
     down, columns = size
 
     def draw(paper: Paper, page_rows: Sequence[Sequence[str]]) -> None:
@@ -172,7 +170,7 @@ def table_pages(
     return [(f"{title} {part[0][0]} to {part[-1][0]}", partial(draw, page_rows=part)) for part in parts]
 
 
-ROW = 24.0  # Height of the row of a member on a page of a family, millimetres of paper.
+ROW = 24.0  # Height of a member's row on a page of its family, millimetres of paper.
 NAMES = 44.0  # Width for the name of a member to the left of its line, millimetres of paper.
 APART = 2.1  # Least distance between the names of two nodes, millimetres; a nearer node has no name.
 SPLICED_NOTE = (
@@ -196,7 +194,7 @@ PER_PAGE = int(PAGE.high // ROW)
 
 
 def family_pages(plan: WorkshopPlan) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return titles and drawings of pages with the members of each family in order, at one scale for the family."""
+    """Return titles and drawings of pages with the members of each family in order; a family has a single scale."""
     assert plan.graph is not None
     pages = []
     built = {part.member for part in plan.parts}

@@ -21,7 +21,7 @@ from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolde
 
 def colour_scales(plan: WorkshopPlan, names: list[str], judged_design: Design | None) -> list[dict[str, Any]]:
     """Return the scales by which the page can colour members: name, unit, and a value or None for each of `names`.
-    judged_design : design whose member forces give further scales, which takes seconds; raises StaticsError without a
+    judged_design : design for scales of utilisation and force, or None. Raises StaticsError for a design without a
     strength, or if nothing carries the loads."""
     assert plan.graph is not None
     members = plan.graph.by_id
@@ -59,7 +59,7 @@ def key_figures(design: Design, judged: bool) -> list[tuple[str, str]]:
     """Return names and values of the key figures of a structure."""
     statics, box = design.preset.statics, np.ptp(design.surface.V, axis=0)
     sheet = design.sheet.surface
-    mass = sheet.area * statics.thickness * statics.density  # the mass of the solid would take longer
+    mass = sheet.area * statics.thickness * statics.density  # of the sheet: the solid takes longer
     figures = [
         ("size", " x ".join(length(float(side)) for side in box)),
         ("mass", f"{mass:,.0f} kg" if mass >= 100 else f"{mass:.3g} kg"),
@@ -75,7 +75,7 @@ def key_figures(design: Design, judged: bool) -> list[tuple[str, str]]:
 
 def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
     """Return the page as one HTML file that loads nothing from the network; the same plan gives the same page.
-    judged : for clients: colour members also by force and utilisation, and leave out workshop drawings.
+    judged : whether the page is for clients: with scales of utilisation and force, without workshop drawings.
     The plan must have members."""
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph

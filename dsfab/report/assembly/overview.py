@@ -22,7 +22,7 @@ GRID_PER_MM = 8.0  # Grid cells per millimetre of paper; `place_names` moves nam
 def draw_cover(
     paper: Paper, faces: list[MemberFaces], up: Floats, figures: list[tuple[str, str]], notes: list[str]
 ) -> None:
-    """Draw the structure; beside the drawing write its key figures, and the notes below them. up : (3,) unit vector."""
+    """Draw the structure, and beside the drawing its key figures and the notes. up : (3,) unit vector."""
     wide = 128.0
     drawing = PaperBox(PAGE.x, PAGE.y, PAGE.wide - wide - 10, PAGE.high)
     draw_structure(paper, faces, Axonometry.from_angles(up), drawing, {})
@@ -51,7 +51,7 @@ def draw_structure(
     colours: dict[str, tuple[float, float, float]],
     extent: Floats | None = None,
 ) -> DrawingTransform:
-    """Draw members into a box of the page; `colours` by member replaces the colours of these members.
+    """Draw members into a box of the page. colours : other colours of some members, by name.
     extent : (k, 2) points that the box must show, metres; None shows all members."""
     faces_in_order = painted_faces(faces, view, colours)
     extent = faces_in_order.corners.reshape(-1, 2) if extent is None else extent
@@ -64,9 +64,7 @@ def draw_named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) ->
     """Draw all members with their names on one page."""
     box = PaperBox(PAGE.x + 6, PAGE.y + 8, PAGE.wide - 12, PAGE.high - 14)
     fitted = draw_structure(paper, faces, view, box, {})
-    letter = 2.5 * min(
-        1.0, float(np.sqrt(120 / len(faces)))
-    )  # height in millimetres; over 120 members need smaller letters
+    letter = 2.5 * min(1.0, float(np.sqrt(120 / len(faces))))  # millimetres; smaller for over 120 members
     plates = [Nameplate(face.id, (0, 0, 0), *_name_places(face, view, fitted)) for face in faces]
     size = (int(GRID_PER_MM * (PAGE.wide + 2 * PAGE.x)), int(GRID_PER_MM * (PAGE.high + PAGE.y + 10)))
     names = place_names(plates, size, GRID_PER_MM * letter)
@@ -94,7 +92,7 @@ def _name_places(face: MemberFaces, view: Axonometry, fitted: DrawingTransform) 
 def refolded_pages(
     plan: WorkshopPlan, faces: list[MemberFaces], up: Floats
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return a page of flat parts bent back into space; nothing for a plan without strips. up : (3,) unit vector."""
+    """Return a page of flat parts bent back into space, if the plan has strips. up : (3,) unit vector."""
     parts_in_space = refolded_plan(plan)
     if not parts_in_space.strips:
         return []
@@ -122,7 +120,7 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a strip as quads (q, 4, 3): about `piece` metres long, or from corner to corner for a slotted strip."""
+    """Return a strip as quads (q, 4, 3), about `piece` metres long, or from corner to corner if slotted."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:
@@ -159,7 +157,7 @@ LAYER_RULE = (
     "Within a layer members go up from the supports upwards: by the height of their lowest point, those of one height "
     "in the order of their names. Members that nothing holds yet need props until the next layer is bolted on."
 )
-"""Order of assembly of `assembly_steps`, for the builders."""
+"""Rule for the order of `assembly_steps`, printed for the builders."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +178,7 @@ PLANK_RULE = (
     "along the middle of the normals at its slots. Within a family members go up by the height of their lowest point, "
     "those of one height in the order of their names. Splices are closed when both pieces sit."
 )
-"""Order of assembly of `plank_steps`, for the builders."""
+"""Rule for the order of `plank_steps`, printed for the builders."""
 FAMILY_WORDS = {"major": "family A", "minor": "family B", "rim": "edges", "keep": "those around supports and loads"}
 
 
@@ -194,7 +192,7 @@ def plank_rule(plan: WorkshopPlan) -> str:
 
 
 def plank_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps of a plan of planks: lower families come first, plates last. up : (3,) unit vector."""
+    """Return the steps of a plan of planks: lower families first, plates last. up : (3,) unit vector."""
     assert plan.graph is not None
     assert plan.planks is not None
     built, order = {part.member for part in plan.parts}, plan.planks.planks.order
@@ -214,7 +212,7 @@ def _ordered_steps(
     z = surface.V @ up
     heights = {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}
     span = max(max(heights.values()) - min(heights.values()), 1e-9)
-    level = 0.02  # members within this share of the height are sorted by name
+    level = 0.02  # members are sorted by name if their heights differ less, divided by the structure's height
     entries = [
         (number, round(heights[member.id] / span / level), k, member.id)
         for k, member in enumerate(graph.members)
@@ -271,7 +269,7 @@ def _draw_step(
     cell: PaperBox,
     view_and_extent: tuple[Axonometry, Floats],
 ) -> None:
-    (view, extent), count = view_and_extent, 3  # a picture has three lines of names
+    (view, extent), count = view_and_extent, 3  # lines of names below a picture
     added = set(steps[k].members)
     standing = {name for step in steps[:k] for name in step.members} - added
     visible = [face for face in faces if face.id in added or face.id in standing]

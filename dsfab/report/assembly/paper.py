@@ -13,7 +13,7 @@ from dsfab.report.pdf_pages import MM
 
 PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0  # Size of A3 paper, millimetres.
 MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0  # Margins of a page, millimetres: at both sides, above, and below.
-SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)  # A usual scale is 1 over one of these factors times a power of ten.
+SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)  # Usual scales are 1:k, where k is one of these numbers times a power of ten.
 Colour = tuple[float, float, float]
 
 
@@ -53,7 +53,7 @@ class DrawingTransform:
 
     @classmethod
     def fit_to_box(cls, low: Floats, high: Floats, box: PaperBox, scale: float = 0.0) -> "DrawingTransform":
-        """Centre the drawing with corners `low` and `high` (2,), metres, in a box of paper; scale 0 fills the box."""
+        """Centre a drawing with corners `low` and `high` (2,), metres, in a box of paper; scale 0 fills the box."""
         size = np.maximum(high - low, 1e-9)
         scale = scale or float(min(box.wide / size[0], box.high / size[1]))
         return cls(scale, np.array([box.x + box.wide / 2, box.y + box.high / 2]) - scale * (low + high) / 2)
@@ -93,7 +93,7 @@ class Paper:
         getattr(self.canvas, draw)(float(place[0]) * MM, float(place[1]) * MM, words)
 
     def upright_text(self, place: tuple[float, float], words: str, size: float, colour: Colour = INK) -> None:
-        """Write a line of text upwards from a place, so that it is read from the right."""
+        """Write a line of text upwards from a place."""
         self.canvas.saveState()
         self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)  # half of a capital's height
         self.canvas.rotate(90)

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from dsfab.preset.model import Preset
     from dsfab.study import Comparison
 
-
 __all__ = ["FILES", "Findings", "compliance_document", "write_report"]
 
 
@@ -62,7 +61,7 @@ def write_report(findings: Findings, rows: Sequence[Mapping[str, Any]], folder: 
 def write_results(
     preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
-    """Write results.csv and results.json; return the text of results.json. Its `verdict` is the design's full check."""
+    """Write results.csv and results.json; return the text of results.json. Its key `verdict` is the full check."""
     from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]

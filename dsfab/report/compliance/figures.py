@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
 ResultRow = Mapping[str, Any]  # row of `results.json`: `volume`, and the keys of `study.alternatives.Competitor.row`
 
 STYLES: Mapping[str, tuple[str, str, str]] = {
@@ -129,7 +128,7 @@ FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans",
 
 
 def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, ChartImage]:
-    """Return the chart `bars`, compliances at one mass; and the chart `volumes` if the findings have several masses."""
+    """Return the chart `bars` of compliances at one mass, and `volumes` if there are several masses."""
     images: dict[str, ChartImage] = {}
     with lettering():
         if findings.compared.rivals:
@@ -141,7 +140,7 @@ def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[
 
 @contextmanager
 def lettering(**settings_of_chart: Any) -> Iterator[None]:
-    """Draw charts inside this context with the fonts of a report. settings_of_chart : settings of matplotlib."""
+    """Draw charts in a `with` block with the fonts of a report. settings_of_chart : settings of matplotlib."""
     import logging
 
     import matplotlib as mpl
@@ -236,7 +235,7 @@ class FindingsPictures:
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
         """Draw the von Mises stress on the cut sheet: at each place the largest of top, middle and bottom."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
-        limit = quantile(value, sheet.areas, 0.98) or 1.0  # else peaks at corners use up the colour scale
+        limit = quantile(value, sheet.areas, 0.98) or 1.0  # 98 % of the area, without peaks at corners
         return self._band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
@@ -288,8 +287,8 @@ class FindingsPictures:
 
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
-    """Return the factor by which letters of a preview grow to a height of `points` on paper.
-    size : pixels.    width : width of the picture, divided by the width of the text."""
+    """Return the factor by which letters of a preview grow to be `points` high on paper.
+    size : of the picture, pixels.    width : of the picture, divided by the width of the report's text."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))
 

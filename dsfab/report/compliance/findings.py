@@ -1,4 +1,4 @@
-"""Findings of a comparison: status of a design, its reasons, and numbers as text."""
+"""Findings of a comparison: the status of a design with reasons, and numbers as text."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -68,7 +68,7 @@ def percent(share: float) -> str:
 
 
 def range_words(low: float, middle: float, high: float) -> str:
-    """Return a ratio with its lower and upper bound, for example '1.92 (1.87 to 1.97)'."""
+    """Return a ratio with its bounds as text, for example '1.92 (1.87 to 1.97)'."""
     return f"{significant_digits(middle)} ({significant_digits(low)} to {significant_digits(high)})"
 
 
@@ -120,7 +120,7 @@ class CheckLine:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A comparison at one mass, and possibly further comparisons for several shares of material.
+    """A comparison at one mass, and further comparisons for other shares of material, if any.
     A design without equilibrium (`carries` is False) has no `judgement` and no `fields`.
     command : command line that repeats the comparison.
     share   : share of the surface to which the widths of the design are scaled; None without scaling."""
@@ -152,7 +152,7 @@ class Findings:
 
     @property
     def reference_compliance(self) -> float:
-        """Compliance in J whose size decides the unit of all compliances."""
+        """Compliance (J) that decides the unit of all compliances."""
         return self.design.compliance if self.carries else self.compared.full.compliance
 
     @property
@@ -206,7 +206,7 @@ class Findings:
 
     def decisive_case(self, answer: str) -> tuple[str, CaseResponse]:
         """Return name and response of the case with the largest displacement or stress, or the least buckling factor.
-        Displacement counts in cases of the limit state SLS, stress and buckling in cases of ULS."""
+        answer : `displacement` in cases of the limit state SLS; `stress` or `buckling` in cases of ULS."""
         state: LimitState = "SLS" if answer == "displacement" else "ULS"
         return max(
             ((name, self.judgement.cases[name]) for name in self.task.preset.judged_in(state, self.judgement.cases)),
@@ -214,7 +214,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Return the cases and combinations that get a figure. Combinations by a standard must be decisive."""
+        """Return the cases and combinations that get a figure; only decisive combinations by a standard get one."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = set[str]()
         if self.carries:
@@ -336,7 +336,7 @@ class Findings:
 
     @cached_property
     def claims(self) -> list[CheckLine]:
-        """Check for each competitor whether the design is stiffer at equal mass."""
+        """Lines on each competitor: whether the design is stiffer at equal mass."""
         return [self._claim(rival) for rival in self.compared.rivals]
 
     def _claim(self, rival: Competitor) -> CheckLine:

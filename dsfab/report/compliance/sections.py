@@ -87,7 +87,7 @@ def loads_section(findings: Findings, pictures: FindingsPictures, number: Captio
 
 
 def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Return the compliances on finer and finer meshes, or of the single solve."""
+    """Return the compliances on finer and finer meshes, or the compliance by a single solve."""
     levels = tables.levels_table(findings, number)
     if levels is None:
         words = "The compliance was found by one solve on the mesh as it is cut; "
@@ -135,20 +135,15 @@ def comparison_section(
         blocks.append(Paragraph(words, "quiet"))
     if "bars" in charts:
         caption = number.figure("Compliance of structures of one mass; thin lines are bounds.")
-        blocks.append(_chart_figure(caption, charts["bars"]))
+        blocks.append(ReportFigure(caption, *charts["bars"], 0.92))
     if findings.volumes:
         if words := thinner_sheet_words(findings):
             blocks.append(Paragraph(words))
         blocks.append(tables.volumes_table(findings, number))
     if "volumes" in charts:
         caption = number.figure("Compliance over mass; the design's widths are scaled.")
-        blocks.append(_chart_figure(caption, charts["volumes"]))
+        blocks.append(ReportFigure(caption, *charts["volumes"], 0.92))
     return ReportSection("The same mass spent otherwise", blocks)
-
-
-def _chart_figure(caption: str, chart: tuple[bytes, tuple[int, int]]) -> ReportFigure:
-    image, size = chart
-    return ReportFigure(caption, image, size, 0.92)
 
 
 def displacement_and_stress_section(
@@ -229,7 +224,7 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
 
 
 def calibration_section() -> ReportSection:
-    """Return the tests of the rule that sets the error bound."""
+    """Return the section on the tests of the error bound."""
     rows = calibration.shipped_table()
     result, kinds = calibration.summary(rows), len({row.kind for row in rows})
     text = (

@@ -27,7 +27,7 @@ from dsfab.statics import elements_of
 from dsfab.study.alternatives import Competitor
 from dsfab.surface import Surface
 
-AWAY_FROM_CORNERS = "further than a rib's width from corners"  # The largest stress converges only in this region.
+AWAY_FROM_CORNERS = "further than a rib's width from corners"  # Only here the largest stress converges.
 DUST = 5e-5  # A force below this share of the largest force is shown as 0.
 
 

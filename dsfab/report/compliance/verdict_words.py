@@ -106,14 +106,14 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
 
 
 def thinner_sheet_words(findings: Findings) -> str:
-    """Return sentences on the shares of material at which a thinner whole sheet is stiffer; '' if none was compared."""
+    """Return sentences on the shares of material at which a thinner whole sheet is stiffer; '' without such a sheet."""
     pairs = [
-        (f"{share:.0%}", compared.design, compared["thinner"])
+        (f"{share:.0%}", _compliance_range(compared.design), _compliance_range(compared["thinner"]))
         for share, compared in findings.volumes
         if any(rival.name == "thinner" and rival.judgement for rival in compared.rivals)
     ]
-    lost = [share for share, design, thinner in pairs if _lowest_compliance(design) > _highest_compliance(thinner)]
-    won = [share for share, design, thinner in pairs if _highest_compliance(design) < _lowest_compliance(thinner)]
+    lost = [share for share, design, thinner in pairs if design[0] > thinner[1]]
+    won = [share for share, design, thinner in pairs if design[1] < thinner[0]]
     open_shares = [share for share, _, _ in pairs if share not in (*lost, *won)]
     lines = []
     if lost:
@@ -128,12 +128,9 @@ def thinner_sheet_words(findings: Findings) -> str:
     return " ".join(lines)
 
 
-def _lowest_compliance(competitor: Competitor) -> float:
-    return competitor.compliance * (1 - ((competitor.judgement.bound if competitor.judgement else None) or 0.0))
-
-
-def _highest_compliance(competitor: Competitor) -> float:
-    return competitor.compliance * (1 + ((competitor.judgement.bound if competitor.judgement else None) or 0.0))
+def _compliance_range(competitor: Competitor) -> tuple[float, float]:
+    bound = (competitor.judgement.bound if competitor.judgement else None) or 0.0
+    return competitor.compliance * (1 - bound), competitor.compliance * (1 + bound)
 
 
 def verdict_line(findings: Findings) -> str:

@@ -1,4 +1,4 @@
-"""The verdict of a design, in words: whether it carries, its figures, likely cures, and a table of reactions."""
+"""The verdict on a design, in words: whether it carries its loads, figures, likely cures, and a table of reactions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import hypot
@@ -9,19 +9,12 @@ from dsfab.core.messages import length, load_factor, mass, point_words, table
 if TYPE_CHECKING:
     from dsfab.study.carrying import Carrying
 
-USUAL_SPAN_SHARE = 300
-"""A movement over the span by this number is reported [EN 1990, annex A1.4: limits are by agreement; 300 is usual]."""
-
-SHOWN_SUPPORTS = 6
-"""Number of supports in a short table of reactions; more would push the rest of a build off the screen."""
-
-LEVEL = 1e-3
-"""Share of the whole reaction below which a thrust is rounding: supports of a plate under its weight push up alone."""
-
-
+USUAL_SPAN_SHARE = 300  # a movement over 1/300 of the span is reported [EN 1990, annex A1.4: by agreement, usually 300]
+SHOWN_SUPPORTS = 6  # number of supports in a short table of reactions
+LEVEL = 1e-3  # a horizontal force below this share of the reaction is a rounding error
 OPPOSED = 0.1
-"""Share of the thrust below which the resultant says nothing, as of both walls of a vault, or of a ring. Feet have
-0.4: their vertices also hold the foot together."""
+"""Horizontal forces at a support, as along a ring, cancel out if their resultant is below this share of their sum.
+At a foot this share is 0.4, because its vertices also hold the foot together."""
 
 
 def verdict_line(name: str, carrying: "Carrying") -> str:
@@ -34,8 +27,8 @@ def verdict_line(name: str, carrying: "Carrying") -> str:
 
 
 def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
-    """Return the likely cure of a design that does not carry; '' for any other.
-    is_sized : true if sizing has tried every thickness of the stock, and more material."""
+    """Return the likely cure of a design that does not carry its loads; '' if the design carries its loads.
+    is_sized : whether sizing has tried every thickness of the stock, and more material."""
     if not carrying.faults:
         return ""
     if is_sized:
@@ -63,7 +56,7 @@ def figure_lines(carrying: "Carrying") -> Iterator[str]:
 
 
 def carrying_notes(carrying: "Carrying") -> Iterator[str]:
-    """Yield what a user should know about the figures: a large movement, missing figures and assumptions."""
+    """Yield notes on the figures: a large movement, missing figures and assumptions."""
     moved = carrying.movement
     if moved and moved.share > 1 / USUAL_SPAN_SHARE:
         yield f"it moves by 1/{1 / moved.share:.0f} of its span; 1/{USUAL_SPAN_SHARE} is usual, by agreement"
@@ -72,8 +65,8 @@ def carrying_notes(carrying: "Carrying") -> Iterator[str]:
 
 
 def reaction_lines(reactions: Sequence[Mapping[str, Any]], every: bool = False) -> list[str]:
-    """Return a table of reactions from `carrying.reactions` of `design.json`: what each support pushes, kN.
-    every : True for each case; else the case with the largest reaction of each support, of the largest supports."""
+    """Return a table of the forces with which supports push (kN), from `carrying.reactions` of `design.json`.
+    every : whether to list all cases; otherwise the table has only the largest reaction of the most loaded supports."""
     rows, several = list(reactions), len({row["case"] for row in reactions}) > 1
     if not every:
         largest: dict[str, Mapping[str, Any]] = {}

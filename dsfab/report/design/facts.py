@@ -1,4 +1,4 @@
-"""The file `design.json`: all numbers of a design in SI units, with the candidates of an automatic choice."""
+"""The file `design.json`: all numbers of a design in SI units, and the candidates of an automatic choice."""
 
 import platform
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def answer_facts(design: Design, case: "CaseResult | StaticsResult") -> dict[str, Any]:
     """Return stress, energy and requested results of the uncut sheet under one load, in SI units.
     `answered_by` names the elements; elements that are fit for directions only give no stress and no energy.
-    Frequencies and buckling factors appear only on request; a list without results is empty."""
+    Frequencies and buckling factors are present on request; a list is empty if the results are missing."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress, facts = answers.stress, dict[str, Any](answered_by=str(answers.elements))
     if answers.elements.is_reported:
@@ -149,7 +149,7 @@ def balance(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, 
 
 
 def choice_lines(choice: "Choice | None", count: int = 8) -> list[str]:
-    """Return a table of the `count` best candidates of an automatic choice, best first; empty without such a choice."""
+    """Return a table of the `count` best candidates of an automatic choice; empty without such a choice."""
     if choice is None:
         return []
     rows = [_candidate_row(rank, candidate) for rank, candidate in enumerate(choice.candidates[:count], start=1)]
@@ -201,7 +201,7 @@ def _attempt_facts(attempt: "Attempt") -> dict[str, Any]:
 
 
 def alternative_facts(alternatives: "Sequence[Alternative]") -> dict[str, Any]:
-    """Return two keys of `design.json`: `loses_to`, a sentence or '', and `alternatives`, the numbers behind it."""
+    """Return the keys `alternatives` and `loses_to` of `design.json`; `loses_to` names stiffer alternatives."""
     records = [alternative.record() for alternative in alternatives]
     return {"loses_to": losing_line(alternatives), "alternatives": records}
 

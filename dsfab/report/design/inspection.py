@@ -1,6 +1,7 @@
 """Loads, supports, pattern quality and fabrication of a design: numbers for `design.json`, tables for people."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import hypot
 from typing import TYPE_CHECKING, Any
 
 from dsfab.core.messages import direction_phrase, force, length, point_words, table
@@ -53,7 +54,7 @@ def load_facts(design: "Design") -> dict[str, Any]:
 
 
 def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
-    """Return the sum (3,) of a load on the cut sheet, newtons; weight and loads on lattices act on material alone."""
+    """Return the sum (3,) of a load on the cut sheet, newtons; only coverings carry loads over openings."""
     from dsfab.surface import load_parts
 
     surface, sheet = design.surface, design.sheet
@@ -80,7 +81,7 @@ def _support_row(entry: Mapping[str, Any]) -> Sequence[str]:
 
 
 def _load_row(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
-    sizes = [vector_size(entry[key]) for key in ("force_N", "cut_force_N") if key in entry]
+    sizes = [hypot(*entry[key]) for key in ("force_N", "cut_force_N") if key in entry]
     balanced = sizes[0] < 1e-3 * entry["sum_of_magnitudes_N"]  # pressure from all sides cancels out
     sums = ["0 N" if balanced else force(size) for size in sizes]
     direction = "cancels out" if balanced else direction_phrase(entry["force_N"])
@@ -93,11 +94,6 @@ def _extent_words(entry: Mapping[str, Any]) -> str:
     if entry["area_m2"]:
         return f"{entry['area_m2']:.3g} m2"
     return "a point" if entry["vertices"] == 1 else f"{entry['vertices']} points"
-
-
-def vector_size(vector: Sequence[float]) -> float:
-    """Return the length of a vector."""
-    return float(sum(x * x for x in vector) ** 0.5)
 
 
 QUANTILES = ("5%", "50%", "95%")
@@ -142,7 +138,6 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
 
 
 SHARES = (0.05, 0.5, 0.95)  # `design.json` lists these quantiles of the member widths along all walls.
-
 MEASURED_KEY = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
 """Measure in `design.json` that belongs to each limit of [fabrication]."""
 
@@ -208,7 +203,7 @@ def _check_facts(check: "Check") -> dict[str, Any]:
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     """Yield lines on the smallest features and the pieces, and a table of limits.
-    The table lists the limits of the preset, and dsfab's own limits that the design misses."""
+    The table has the limits of the preset, and those of dsfab's own limits that the design does not meet."""
     sizes = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     words = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in sizes.items()]
     usual_width = facts["member_widths"]["at_share_of_walls"].get("50%")

@@ -30,13 +30,12 @@ if TYPE_CHECKING:
     from dsfab.render.design_picture import Pictures
 
 MARKED_PICTURE = (1600, 1200)  # Width and height of fabrication.png, pixels.
-
 MAY_BE_REFUSED = ("step", "stpz", "brep")
-"""Formats with a limit of size; if a file would exceed the limit, dsfab reports it and writes the other formats."""
+"""Formats with a largest file size. If a file would be larger, dsfab reports this and writes the other formats."""
 
 
 class SavedDesign(NamedTuple):
-    """Content of `design.json`, messages about the files, and the reason why dsfab refused a format, or ''."""
+    """Content of `design.json`, messages about the files, and the reasons for refused formats, or ''."""
 
     facts: Mapping[str, Any]
     messages: tuple[str, ...]
@@ -44,7 +43,7 @@ class SavedDesign(NamedTuple):
 
 
 class _WrittenFiles(NamedTuple):
-    """Names of files, lines about them, notes for `design.json`, and reasons for refused formats."""
+    """Names and reports of written files, notes for `design.json`, and reasons for refused formats."""
 
     names: list[str]
     reports: list[str]
@@ -53,7 +52,7 @@ class _WrittenFiles(NamedTuple):
 
 
 class Announcements(NamedTuple):
-    """Functions that a caller of `save` hears from: of the verdict, and of the folder once its picture is there."""
+    """Functions that `save` calls: one with the verdict, one with the folder when its pictures are written."""
 
     verdict: Callable[[Carrying], None] = lambda _: None
     picture: Callable[[Path], None] = lambda _: None
@@ -70,10 +69,10 @@ def save(
     marked: bool = False,
     announce: Announcements = SILENT,
 ) -> SavedDesign:
-    """Write the files of a design into `folder`: verdict, picture and all quick formats together, or nothing. Formats
-    that OCCT checks for a minute follow; the folder is whole without them.
+    """Write the files of a design into `folder`. Verdict, pictures and quick formats come together, or not at all.
+    STEP and BREP follow, because OCCT checks them for up to a minute; without them the folder is usable.
 
-    picture : also write preview.png, for clients, and analysis.png, the loads and the use of the cut structure.
+    picture : also write preview.png for clients, and analysis.png with the loads and the use of the cut structure.
     marked  : also write fabrication.png, which marks the smallest member, gap and wall.
     Raises ExportError for a folder that cannot be written. `SavedDesign.refused` reports a STEP file that is too large.
     Raises PatternError for a design that nobody should build, unless its preset accepts the faults: see `require_fit`.
@@ -111,7 +110,7 @@ def _write_facts(
     spent: float,
     earlier: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Write `design.json`, and return its content. earlier : entries of its manifest for files that are there."""
+    """Write `design.json`, and return its content. earlier : manifest of files that are in the folder already."""
     seconds = {**design.seconds, "export": spent}
     facts = design_facts(design, seconds, files.names, files.refused, files.notes) | dict(measured)
     facts |= {MANIFEST: {**earlier, **manifest(folder)}}
@@ -138,7 +137,7 @@ def _alternatives(design: Design, progress: Progress) -> dict[str, Any]:
 
 
 def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
-    """Load the drawing libraries in another process during the computation, if the caller wants a picture."""
+    """Load the drawing libraries in another process while dsfab computes, if `picture` is true."""
     from dsfab.render.design_picture import start_picture_program
 
     return start_picture_program() if picture else nullcontext()

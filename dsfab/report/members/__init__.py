@@ -51,13 +51,10 @@ if TYPE_CHECKING:
 
     from dsfab.members.frame import MemberForces
 
-
 UNITS = (*["N"] * 3, *["N m"] * 3)  # Units of the components: three forces, three moments.
 DIAGRAM_COMPONENTS = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))  # Number, name and unit of each component.
-
-DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68  # inches of a row of diagrams; the axis below takes half a row more
-RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
-"""Colours of positive values, negative values, and lines."""
+DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68  # inches of a row of diagrams
+RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"  # colours of positive values, negative values, and lines
 
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
@@ -117,7 +114,7 @@ WORST_COUNT = 10  # Number of members that get a row, a diagram and a name.
 
 
 def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
-    """Draw the structure in colours of its utilisation; without graphics the figure holds the reason."""
+    """Draw the structure coloured by utilisation; without graphics the figure holds the reason."""
     from dsfab.render import band_colours, rated_members_picture
 
     utilisation = design.member_utilisation
@@ -213,7 +210,7 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
 
 
 def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
-    """Return divisor, unit and decimals for all forces, or for all moments, so that a reader can compare columns."""
+    """Return divisor, unit and decimals for all forces, or for all moments, so that columns are comparable."""
     largest = max(float(np.abs(values).max()), 1e-9)
     factor, name = prefixed_unit(largest, unit)
     return factor, name, max(2, 3 - int(np.floor(np.log10(largest / factor))))
