@@ -239,7 +239,7 @@ def _polar(V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ],
 )
 def test_openings_that_are_alike_are_halved_alike(means, wanted):
-    assert split_value(np.array(means), 1, 0.05) == pytest.approx(wanted)
+    assert split_value(np.array(means), 1) == pytest.approx(wanted)
 
 
 def test_equal_rows_are_grouped_as_by_numpy_unique():
