@@ -1,4 +1,4 @@
-"""Objections of the statics to a design, on either side of the limit of each."""
+"""Objections and notes of the statics of a design, on either side of the limit of each."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,8 @@ import pytest
 import dsfab
 from dsfab.core.errors import SurfaceError
 from dsfab.design import Design
-from tests.shapes import grid
+from dsfab.statics import facet_number
+from tests.shapes import grid, lifted
 
 
 def plate(load: dict, support: dict | None = None, **statics: object) -> dsfab.Preset:
@@ -65,3 +66,30 @@ def test_snow_on_a_wall_is_refused_unless_a_thousandth_of_it_lies_there(slope, r
         statics={"thickness": 0.02, "material": "S235", "check": False},
     )
     assert ("is parallel to its faces" in objections(preset)) == refused
+
+
+def vault(rise: float, **statics: object) -> dsfab.Preset:
+    """A shallow vault of 1 m x 1 m under pressure, held along two sides."""
+    ends = [{"at": {"pick": "side", "axis": "x", "end": end}} for end in ("min", "max")]
+    return dsfab.Preset(
+        surface=lifted(lambda x, _: 4 * rise * x * (1 - x)),
+        supports=ends,
+        loads=[{"kind": "pressure", "pressure": 1e3}],
+        statics={"thickness": 0.03, "material": "S235", "bending": "hhj"} | statics,
+    )
+
+
+def notes(preset: dsfab.Preset) -> str:
+    return " ".join(note.text for note in Design(preset).until("statics").notes)
+
+
+@pytest.mark.parametrize(("rise", "layers"), [(0.01, True), (0.014, False)])
+def test_the_pattern_follows_all_layers_if_bending_stores_half_of_the_energy(rise, layers):
+    """Bending stores 59 % of the energy of the lower vault, and 43 % of that of the higher one."""
+    assert ("follows the stress of all layers" in notes(vault(rise, stress="auto"))) == layers
+
+
+@pytest.mark.parametrize(("number", "noted"), [(0.17, False), (0.23, True)])
+def test_a_mesh_whose_flat_faces_bend_too_much_is_noted(number, noted):
+    thickness = 0.03 * facet_number(vault(0.1).surface.mesh, 0.03) / number
+    assert ("each flat face bends" in notes(vault(0.1, thickness=thickness, check=False))) == noted
