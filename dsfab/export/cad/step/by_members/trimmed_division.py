@@ -126,10 +126,10 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest of a face's gap, inner distance, and distance from box or mesh, each over its limit."""
+    """Return the largest ratio of value to limit for a face: its gap, inner distance, and distance from box or mesh."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
-    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles are off by the deflection
+    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles add their own distance
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
@@ -173,8 +173,8 @@ class _FaceDivision:
 
     def _divide_in_two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
         """Divide a face by the first seam that makes both parts better, or by the best of many seams."""
-        less = 0.9  # largest `allowance_used` of the worse part over that of the whole face
-        loop, model = self.over_halves(face.loops[0]), self.model  # another division may have halved a seam
+        less = 0.9  # largest `allowance_used` of the worse part / that of the whole face
+        loop, model = self.over_halves(face.loops[0]), self.model  # an earlier division may have halved an edge
         best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
         for ends, cubics in self._seams(HalvedOutline.from_loop(model, loop), points):

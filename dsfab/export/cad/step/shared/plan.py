@@ -21,7 +21,8 @@ from dsfab.surface.topology import corners_of
 
 
 class MeshDistances(NamedTuple):
-    """Distances of a solid from the mesh, or back. most : the largest distance.    bad : places above their limit.
+    """Distances of a solid from the mesh, or of the mesh from the solid. most : the largest.    bad : places above the
+    limit.
     worst, allowed : the distance that exceeds its limit most, and this limit."""
 
     most: float
@@ -98,7 +99,7 @@ class PieceJudge:
 
     @cached_property
     def excess_volumes(self) -> Floats:
-        """(p,) share by which each piece may have more volume than the mesh, which cuts curves short."""
+        """(p,) fraction by which each piece may have more volume than the mesh, whose edges are chords of curves."""
         sheet = self.sheet
         upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the search is twice as fast from points on a skin
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
@@ -114,7 +115,7 @@ class PieceJudge:
         return self.farthest(V, F, part.V, part.F), self.farthest(part.V, part.F, V, F)
 
     def excess_distances(self, points: Floats) -> Floats:
-        """(k,) excess of points (k, 3) over their allowed distance from the mesh; negative for near points."""
+        """(k,) distances of points (k, 3) from the mesh minus the allowed distances; negative for allowed points."""
         away = self.solids.distances(points)
         is_far = away > self.limits.distance / 2  # near points need no local limit
         away[is_far] -= self.limits.allowed_distances(points[is_far])
