@@ -15,7 +15,7 @@ from dsfab.surface import CREASE, Surface, corner_fans, link_components
 
 LEAST_BEND = 8.0  # smallest angle (degrees) between faces along a crease; one edge of it needs `CREASE`
 BEND_RATIO = 4.0  # smallest ratio of the bend of a crease to the bend of the edges beside the crease
-STRAIGHT = np.cos(np.radians(30.0))  # cosine of the largest angle between the end of a crease and the edge that continues it
+STRAIGHT = np.cos(np.radians(30.0))  # cosine of the largest angle between a crease and the edge that continues it
 OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]  # the two other edges of a face, for each of its three edges
 
 
