@@ -109,7 +109,7 @@ class MemberShape:
         return replace(self, V=factor * self.V, axis=factor * self.axis, edges=edges)
 
 
-STEP_FACES = 30_000  # default limit of the faces of a STEP file; `dsfab.export.cad.step.file` has the measurements
+STEP_FACES = 30_000  # default limit of the faces of a STEP file
 Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"]
 """Names of the ways to write a STEP file; `compact` means the same as `smooth`."""
 

@@ -153,8 +153,7 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """Return the fault of both halves after a trial cut ("" if none), and the whole's box: six numbers in mm, or
-    none."""
+    """Return the fault of a trial cut's halves ("" if none), and the box of both: six numbers in mm, or none."""
     seconds = 30.0 + 0.03 * faces  # several times the usual time; volumes of smooth halves with many edges take long
     try:
         report = occt_report("sample", str(path), seconds=seconds)

@@ -362,8 +362,7 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a field (n,) that divides a chart that is too steep: smallest at its steepest normal; None for other
-        charts."""
+        """Return a field (n,) that divides a chart that is too steep, along its steepest direction; otherwise None."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N

@@ -93,9 +93,8 @@ REPAIRS = (
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
     """Return the findings for each solid of a file with one solid per product; [] if OCCT cannot read the file.
     deflection : mm, of the triangles that become `0.stl`, `1.stl` ... in the folder.
-    copies     : True if forks do a part of the work. It must be False after OCCT made triangles, because forks do not
-                 have
-                 the threads that OCCT then waits for."""
+    copies     : True if forks do a part of the work; impossible after OCCT made triangles, because forks lack the
+                 threads for which OCCT then waits."""
     reader = _reader(path)
     if reader is None:
         return []
