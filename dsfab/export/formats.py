@@ -215,8 +215,7 @@ def write(
 def step_estimates(
     thing: Solid | Surface, *, name: str = "part", step: StepOptions | Route = "auto", details: Details | None = None
 ) -> tuple[Estimate, ...]:
-    """Estimate the cost of each route to a STEP file of a solid, without writing it; the arguments are those of
-    `write`."""
+    """Estimate the cost of each route to a STEP file of a solid, without writing it; arguments as in `write`."""
     part = part_of(thing, name)
     if not part.is_solid:
         raise ExportError(f"STEP needs a closed solid, but {name!r} is an open sheet; thicken it first")
