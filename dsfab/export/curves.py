@@ -211,9 +211,8 @@ class Curve(Spline):
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
     """Fit at least two curves to the closed polyline `loop` (k, 2); return None if no spline is within the tolerance.
-    corner : (k,) True at vertices where a curve must end; curves also end at sharp corners. With at most one such
-             vertex,
-             one curve is fitted and split in two."""
+    corner : (k,) True at vertices where a curve must end; curves also end at sharp corners. With at most
+             one such vertex, one curve is fitted and split in two."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
         ends = [*corners.tolist(), int(corners[0]) + len(loop)]

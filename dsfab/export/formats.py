@@ -285,7 +285,7 @@ def suffix_of(path: Path) -> str:
 
 
 def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
-    """Return the format of a suffix in any case. Raises ExportError with a similar suffix for an unknown one."""
+    """Return the format of a suffix in upper or lower case. Raises ExportError that suggests a similar suffix."""
     suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]

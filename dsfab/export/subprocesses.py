@@ -120,7 +120,7 @@ class PreparedProgram:
             return _last(pending.result())
 
     def last_line(self, *arguments: str, seconds: float) -> str:
-        """Send the arguments and return the last line of output; raises as `last_line`."""
+        """Send the arguments and return the last line of output; raises the errors of the function `last_line`."""
         self.send(*arguments)
         return self.answer(seconds)
 

@@ -73,7 +73,7 @@ class CalculixModel:
             raise ExportError(f"the model {self.name!r} has numbers that are not finite; check its mesh and its loads")
         bad = np.flatnonzero((self.triangles < 0).any(axis=1) | (self.triangles >= len(self.nodes)).any(axis=1))
         if len(bad):
-            raise ExportError(f"{len(bad)} triangles name nodes that the model does not have (first: {first_few(bad)})")
+            raise ExportError(f"{len(bad)} triangles have nodes that the model does not have (first: {first_few(bad)})")
         if not self.steps or not (any(directions.any() for directions in self.supports.values()) or self.springs.any()):
             raise ExportError(f"the model {self.name!r} has no load step or no support; CalculiX needs both")
         if wrong := [name for name in self.supports if name != _set_name(name)]:

@@ -308,7 +308,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
     """Read the file back with ifcopenshell; compare name, triangles and volume of each member with the part's."""
     model = millimetre_model(part, path)
     meshes = {}
-    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda item: item.id()):  # by_type sorts by class
+    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda item: item.id()):  # in the file's order
         if element.is_a() in ("IfcMember", "IfcPlate"):
             meshes[element.Name] = joined_face_sets(element.Representation.Representations[0].Items)
     return check_shapes(part, meshes)

@@ -213,7 +213,7 @@ def check_brep(part: Part, path: Path) -> ReadBack:
         if not abs(report["volume"] - volume) <= READ_BACK * volume:
             raise ExportError(f"the BREP by members of {part.name!r} has another volume; write STEP instead")
     else:
-        smooth = smooth_file(part)  # the volume of the mesh is smaller, because it has chords of curves
+        smooth = smooth_file(part)  # the volume of the mesh is smaller, because its edges are chords
         if smooth.smooth == smooth.pieces and not abs(report["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
             raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
     return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)

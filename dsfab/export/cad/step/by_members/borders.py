@@ -73,7 +73,7 @@ def crossing_segments(lines: list[Floats]) -> Bools:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Join each region whose outline crosses or nearly touches itself to a neighbour, if it has one."""
+    """If the outline of a region crosses or nearly touches itself, join the region with a neighbour, if it has one."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -205,7 +205,7 @@ class _BorderEnds:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def move_border(self, node: int) -> None:
-        sharp = 20.0  # degrees; borders at flatter turns stay, because moving them gave a dome 5 % more faces
+        sharp = 20.0  # degrees; borders at smaller bends of the outline stay; moving them gave a dome 5 % more faces
         gain = 15.0  # degrees; the angle with the outline must grow by this
         steep = 30.0  # degrees; a border with this angle to the outline is not moved
         before, after, (seam, end) = self.nodes[node]

@@ -29,7 +29,7 @@ PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from 
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return curves (4, 6) as poles (2, 4, 2) in the parameters of a face's surfaces; None if they are not on these."""
+    """Convert curves (4, 6) to poles (2, 4, 2) in a face's parameters; None if they are not on its surfaces."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
@@ -121,7 +121,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return the extension of a seam / its length. Beyond it OCCT extends with errors below `TANGENT_GAP`."""
+    """Return the least extension of a seam / its length; OCCT extends it further with gaps below `TANGENT_GAP`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))

@@ -137,7 +137,7 @@ class NetLines:
 
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
-    """Move each end of a line that lies on another line onto that line."""
+    """If a line should end on another line, move its end onto that line."""
     points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:

@@ -72,7 +72,7 @@ class FaceLimits:
     gap : largest gap between trimmed faces and their edges.
     off : largest distance of a face from the points that it is fitted to, inside its edges.
     box : (2, 3) box that must hold the poles.
-    beyond_mesh : function of points (k, 3): excess (k,) over the allowed distance from the mesh; None: no limit."""
+    beyond_mesh : function of points (k, 3): distance from the mesh minus the allowed one (k,); None: no limit."""
 
     gap: float
     off: float

@@ -16,7 +16,7 @@ CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest bend of an ou
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
 """Cosine of the smallest bend at a vertex of a round corner. Nodes mark the ends of round corners. Bends are measured
-in a plane along the sheet, because an outline also bends with a coarse mesh."""
+in the plane of the sheet, because an outline also follows the bends of a coarse mesh."""
 
 VOID = -1  # number in place of a region, for the space beyond an outline
 ChainLoop = list[tuple[int, bool]]  # chains in order; True means that the loop runs along the chain, False against it
@@ -50,7 +50,7 @@ class ChainNet:
     weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
     loops   : by region, with the region on the left.    loose : regions outside of all stripes.
     cell    : (m,) region of each cell of the sheet.
-    parent  : for a region that was cut off: the region from which it was cut. `cell` has only the latter.
+    parent  : for each region that was cut off another region, the other's number, which `cell` has for both.
     twins   : pairs of points on both sides of a seam, see `StripedSheet`."""
 
     weights: csr_array
@@ -117,7 +117,7 @@ def _regions(
 ) -> tuple[Ints, frozenset[int]]:
     """Return the connected region (m,) of each cell, and the numbers of regions outside of all stripes.
     apart : (i,) True for pairs of neighbours with a crease between them."""
-    sliver = 1 / 4  # a region joins a neighbour if the square root of its area / thickness is smaller
+    sliver = 1 / 4  # a region with a smaller square root of its area / thickness joins a neighbour
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])

@@ -59,7 +59,7 @@ class FaceDomain:
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
         """Choose two of the directions (k, 2), right-handed. Their parallelogram must extend least beyond the box.
         The parallelogram's corners are at the heights of a quadratic surface through all points."""
-        least_sine = 1 / 4  # surfaces over flatter parallelograms are folded where they bend
+        least_sine = 1 / 4  # with smaller angles of the parallelogram, surfaces are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]

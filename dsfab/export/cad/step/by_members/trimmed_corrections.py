@@ -208,7 +208,7 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the sample nearest to the widest of gaps (k,), and the gap wanted there, or 0 without such a wish."""
+    """Return the sample nearest to the widest of gaps (k,), and the gap wanted there; 0 for any gap."""
     higher = 1.003  # in a second round, the moved gap must become the widest
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0

@@ -98,7 +98,7 @@ class PieceJudge:
 
     @cached_property
     def excess_volumes(self) -> Floats:
-        """(p,) fraction by which each piece may have more volume than the mesh, whose edges are chords of curves."""
+        """(p,) fraction by which each piece may have more volume than the mesh, whose edges are chords of a curve."""
         sheet = self.sheet
         upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the search is twice as fast from points on a skin
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)

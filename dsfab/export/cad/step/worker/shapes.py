@@ -79,7 +79,7 @@ def compound(shapes: list[Any]) -> Any:
 
 
 def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
-    """Return the lowest and highest corner of OCCT's box, six numbers.
+    """Return the lowest and highest corner of OCCT's bounding box, six numbers.
     with_triangles : use triangles that the faces hold."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib

@@ -238,7 +238,7 @@ def _fillet_counts(shape: Any) -> tuple[int, int]:
 
 def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
     """Return the sharp edges from skin to skin, and their lengths: straight edges of the most frequent length.
-    Edges that smoothly continue other edges are edges between skin and wall, whose length may equal the thickness."""
+    Edges that smoothly continue others lie between skin and wall; their length may equal the thickness by chance."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as Faces
