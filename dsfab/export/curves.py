@@ -45,7 +45,7 @@ class SampledLine:
 
     @property
     def bow(self) -> float:
-        """Largest distance of the line from its chord, between points at equal shares of both lengths."""
+        """Largest distance of the line from its chord, between points at equal fractions of both lengths."""
         share, start, end = self.length / self.length[-1], self.line[0], self.line[-1]
         return float(np.linalg.norm(self.line - start - share[:, None] * (end - start), axis=1).max())
 
@@ -191,17 +191,16 @@ class _SplineSystem:
 
 
 SHARP = np.deg2rad(35.0)
-"""Smallest turn (radians) at a corner of an outline. Chords of a fillet turn by at most 34 degrees."""
+"""Smallest bend (radians) at a corner of an outline. Chords of a fillet differ in direction by at most 34 degrees."""
 SPANS = 4
-"""Largest number of spans of one edge of a plane face. CAD programs integrate volumes with a few points on each edge,
-however many spans the edge has. Openings with edges of 6 to 40 spans changed a plate's volume by 0.1 to 0.5 %. With 4
-spans the volume changes by 6e-5."""
+"""Largest number of spans of one edge of a plane face. CAD programs integrate volumes with the same few points on each
+edge. Openings with edges of 6 to 40 spans changed a plate's volume by 0.1 to 0.5 %, and with 4 spans by 6e-5."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve(Spline):
     """A line or a cubic in the plane or in space; knots and poles in millimetres.
-    deviation : largest distance between points of the curve and of the polyline at equal shares of the length."""
+    deviation : largest distance between points of curve and polyline at equal fractions of their lengths."""
 
     deviation: float
 
@@ -211,10 +210,9 @@ class Curve(Spline):
 
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
-    """Fit a chain of at least two curves to the closed polyline `loop` (k, 2).
-    corner : (k,) True at vertices where a curve must end; curves also end at sharp turns. With at most one such vertex,
-             one curve is fitted and split in two.
-    Returns None if a spline misses the tolerance."""
+    """Fit at least two curves to the closed polyline `loop` (k, 2); return None if no spline is within the tolerance.
+    corner : (k,) True at vertices where a curve must end; curves also end at sharp corners. With at most
+             one such vertex, one curve is fitted and split in two."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
         ends = [*corners.tolist(), int(corners[0]) + len(loop)]
@@ -228,7 +226,7 @@ def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve]
 
 
 def turning(loop: Floats) -> Floats:
-    """Return turning angles (k,), radians, of a closed polyline (k, 2); counter-clockwise is positive."""
+    """Return the angles (k,), radians, at the vertices of a closed polyline (k, 2); counter-clockwise is positive."""
     before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
     across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     return np.asarray(np.arctan2(across, np.einsum("ki,ki->k", before, after)))
@@ -306,11 +304,11 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
     ]
 
 
-CLOSEST = 1e-3  # smallest tolerance of curves along exact lines (mm)
+CLOSEST = 1e-3  # smallest tolerance (mm) of curves; lines without an error of their own have it
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
 """Largest number of samples of a curve: a number per point of the polyline, but at least `FEWEST_SAMPLES`. With
 more samples the curve could have more poles than the polyline has points."""
-REMEMBERED = 4096  # number of lines whose curves stay in a cache for the next format of the same design
+REMEMBERED = 4096  # number of lines whose curves a cache keeps for the other formats of a design
 
 
 def curve_tolerance(part: Part) -> float:
@@ -324,8 +322,8 @@ def chains(part: Part) -> list[list[Curve]]:
 
 
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
-    """Fit curves to a polyline (k, 3) within `tolerance` (mm); curves begin and end at its sharp turns.
-    A closed polyline without sharp turns becomes one smooth curve. Segments remain where no spline is close enough."""
+    """Fit curves to a polyline (k, 3) within `tolerance` (mm); curves begin and end at its sharp corners. A closed
+    polyline without sharp corners becomes one smooth curve. Segments remain where no spline is close enough."""
     return all_curves_along([points], tolerance)[0]
 
 
@@ -394,7 +392,7 @@ def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
 
 def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
     """Return ascending parameters (k,) along a curve with knots (p,), `per_span` in each span.
-    With 16 points the measured length has an error below 1e-4 if the span turns by less than a radian."""
+    With 16 points the measured length has an error below 1e-4 if the span bends by less than a radian."""
     breaks = np.unique(knots)
     inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(per_span) / per_span)
     return np.append(inner.ravel(), breaks[-1])

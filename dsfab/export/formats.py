@@ -69,7 +69,7 @@ class MeshFormat(Format):
 class SheetFormat(Format):
     """A format for lines or fields of a sheet.
     content : required content of the part: lines; a solid and lines; or fields.
-    curves  : True if the format contains smooth curves and so needs exact lines."""
+    curves  : True if the format contains smooth curves, and so needs lines without rounding."""
 
     content: Literal["lines", "solid and lines", "fields"] = "lines"
     curves: bool = False
@@ -188,8 +188,8 @@ def write(
 
     Equal input gives equal bytes. A second reader must find the same closed triangles, and volume (of a sheet: area)
     within 0.1 %. The file gets its name only after this check; after a failure an older file is unchanged.
-    Raises ExportError for an unknown suffix, a missing library, a part without the content that the format needs, too
-    many faces for STEP, no permission or space, and a file that differs from the part when read back."""
+    Raises ExportError for an unknown suffix, a missing library, missing content of the part, and too many faces for
+    STEP. Raises ExportError also without permission or disk space, and if the file differs when read back."""
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)
     form.ready()
@@ -215,7 +215,7 @@ def write(
 def step_estimates(
     thing: Solid | Surface, *, name: str = "part", step: StepOptions | Route = "auto", details: Details | None = None
 ) -> tuple[Estimate, ...]:
-    """Estimate the cost of each route to a STEP file of a solid without writing the file; keywords as in `write`."""
+    """Estimate the cost of each route to a STEP file of a solid, without writing it; arguments as in `write`."""
     part = part_of(thing, name)
     if not part.is_solid:
         raise ExportError(f"STEP needs a closed solid, but {name!r} is an open sheet; thicken it first")
@@ -285,7 +285,7 @@ def suffix_of(path: Path) -> str:
 
 
 def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
-    """Return the format of a suffix in any case; raises ExportError that suggests a similar suffix."""
+    """Return the format of a suffix in upper or lower case. Raises ExportError that suggests a similar suffix."""
     suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]

@@ -109,7 +109,7 @@ class MemberShape:
         return replace(self, V=factor * self.V, axis=factor * self.axis, edges=edges)
 
 
-STEP_FACES = 30_000  # default limit of the faces of a STEP file; `dsfab.export.cad.step.file` has the measurements
+STEP_FACES = 30_000  # default limit of the faces of a STEP file
 Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"]
 """Names of the ways to write a STEP file; `compact` means the same as `smooth`."""
 
@@ -178,7 +178,7 @@ class StepOptions:
     tolerance : largest error of curves along the outline (m); 0 means a fortieth of the thickness. A faceted solid is
                 simplified within this tolerance, or for 0 only if all other routes fail.
     megabytes : largest size of the file in 1e6 bytes; 0: no limit.
-    corners   : (k, 3) points of a flat sheet's outline (m) that stay corners even if the outline hardly turns there.
+    corners   : (k, 3) points of a flat sheet's outline (m) that stay corners even if the outline hardly bends there.
     curved    : returns the curved sheet for smooth STEP."""
 
     route: str = "auto"
@@ -207,8 +207,8 @@ class Part:
     simpler    : True if earlier changes removed triangles of the solid.
     curved     : returns the sheet for smooth STEP; None if only the solid is known.
     cut        : True to test a smooth file by a trial cut with OCCT, unless this cut would take long.
-    hurry      : 0 without limits, because the user chose the route; otherwise a factor, 1 or more, of the largest
-                 numbers of layouts, walls and faces that are quick."""
+    hurry      : 0 for no limits, because the user chose the route. Otherwise the usual limits of the numbers of
+                 layouts, walls and faces are multiplied by this factor, 1 or more."""
 
     V: Floats
     F: Ints
@@ -249,8 +249,8 @@ class Part:
 
 def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
     """Return a solid or sheet as a part in millimetres.
-    Raises ExportError for a solid that is open or has no volume, and for a mesh without faces or with numbers that are
-    not finite, because no format can contain these."""
+    Raises ExportError for a solid that is open or has no volume. Raises ExportError also for a mesh without faces or
+    with numbers that are not finite, because no format can contain these."""
     part = Part(thing.V * MM_PER_M, thing.F, name, isinstance(thing, Solid), step_faces)
     if not len(part.F):
         raise ExportError(f"{name!r} has no faces, so the file would be empty; check the mesh")
@@ -262,14 +262,14 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
         if faults:
             raise ExportError(f"the solid {name!r} is open at {faults} edges; close its holes first")
         if not part.volume > 0:
-            raise ExportError(f"the volume of {name!r} is {part.volume:.3g} mm3, not positive; turn its faces over")
+            raise ExportError(f"the volume of {name!r} is {part.volume:.3g} mm3, not positive; reverse its faces")
     return part
 
 
 def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     """Return the part with rounded vertices V (n, 3), after contraction of edges that rounding has shortened to zero.
-    Readers merge equal points and keep collapsed triangles, which STEP cannot contain. `holding` is the text for the
-    rounding in the message. Raises ExportError if the new solid is open, empty, or differs in volume by over 0.1 %."""
+    Readers merge equal points and keep collapsed triangles, which STEP cannot contain. Raises ExportError if the new
+    solid is open, empty, or differs in volume by over 0.1 %. holding : words for the rounding in the error message."""
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
     if not len(lost):

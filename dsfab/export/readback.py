@@ -12,13 +12,13 @@ from dsfab.core.limits import READ_BACK
 from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
 from dsfab.surface import bounding_box, polyline_length, signed_volume, total_area
 
-NUMBERS_READ_BACK = 1e-9  # largest error of numbers with 10 or more digits when read back, over the largest number
+NUMBERS_READ_BACK = 1e-9  # largest error of numbers with 10 or more digits when read back / largest number
 
 
 @dataclass(frozen=True)
 class ReadBack:
     """Content that a reader finds in a file: count of `what`, for example faces, and the relative error of a measure.
-    measure : volume of a solid, area of a sheet, length of lines.    off : its error; NaN if there is no measure."""
+    measure : volume of a solid, area of a sheet, length of lines.    off : its error, or NaN without a measure."""
 
     count: int
     what: str
@@ -92,7 +92,7 @@ def check_measure(part: Part, measure_read: float) -> float:
 
 
 def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
-    """Compare polylines (k, 3) with the part's lines: equal number, total length within 0.1 %; else ExportError."""
+    """Compare polylines (k, 3) with the part's lines; raises ExportError if their number or total length differs."""
     lines = part.details.lines
     require_equal(part, "lines", len(lines), len(lines_read))
     expected, length_read = sum(polyline_length(line.points) for line in lines), sum(map(polyline_length, lines_read))

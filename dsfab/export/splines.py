@@ -66,7 +66,7 @@ def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return first numbers (k,) and values (k, 4) as `basis` does, and also slopes (k, 4), at x (k,)."""
+    """Return first numbers (k,) and values (k, 4) as `basis` does, and also derivatives (k, 4), at x (k,)."""
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
     values, shares = hats_within(x, knots, span)
@@ -78,7 +78,7 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
     """Return values (4, k) of the nonzero cubic basis functions at x (k,), from knots[span] to knots[span + 1].
-    Also return (3, k) quadratic basis functions divided by their supports' widths, for the slopes [de Boor 1978]."""
+    Also return (3, k) quadratic basis functions / widths of their supports, for the derivatives [de Boor 1978]."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
     values = shares = np.ones((1, len(x)))
@@ -106,7 +106,7 @@ class LeastSquares:
 
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
-        """Factor the normal matrix (n, n) of k samples; `first_hats` is the class's `first`.
+        """Factor the normal matrix (n, n) of k samples. first_hats : as `first` of the class.
         first_poles : (r,) number of the first pole of each curve."""
         factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)
         if failed:
@@ -296,7 +296,7 @@ def _parabolas(rows: SplineRows, fits: dict[int, Fitted]) -> SplineRows:
 
 
 def _cubics(rows: SplineRows, fits: dict[int, Fitted]) -> None:
-    """Store cubics after halving inaccurate spans as often as the samples allow."""
+    """Fit cubics and add them to `fits`; inaccurate spans are halved as often as the samples allow."""
     spans = RowSpans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
     rounds = 14  # the shortest span is 2^-14 of its curve
     for turn in range(rounds):

@@ -50,7 +50,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Do `work` once: while the first program in this context runs, or else at the end unless there is an exception."""
+    """Do `work` once: while the first program in this context runs, or at the end if none ran and nothing failed."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -71,7 +71,7 @@ def run_program(program: str, *arguments: str, seconds: float) -> str:
 
 
 def last_line(program: str, *arguments: str, seconds: float) -> str:
-    """Return the last line of output of the Python file `program`; raises as `run_program`, and for an empty output."""
+    """Return the last line of output of the Python file `program`; raises the errors of `run_program`."""
     return _last(run_program(program, *arguments, seconds=seconds))
 
 
@@ -100,7 +100,7 @@ class PreparedProgram:
                 self._run.stdin.flush()
 
     def answer(self, seconds: float) -> str:
-        """Return the last line of output after the arguments were sent; raises as `last_line`."""
+        """Return the last line of output after the arguments were sent; raises the errors of `last_line`."""
         return _last(_answer(self._run, seconds))
 
     def answer_with_work(self, is_ready: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
@@ -120,7 +120,7 @@ class PreparedProgram:
             return _last(pending.result())
 
     def last_line(self, *arguments: str, seconds: float) -> str:
-        """Send the arguments and return the last line of output; raises as `last_line`."""
+        """Send the arguments and return the last line of output; raises the errors of the function `last_line`."""
         self.send(*arguments)
         return self.answer(seconds)
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from dsfab.core.errors import ExportError
 
-TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")  # zeros at the end of decimals, a quarter of a STEP file
+TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")  # zeros at the end of decimals; a quarter of a STEP file
 
 
 def rows(template: str, *columns: Any) -> Iterator[str]:
@@ -48,7 +48,7 @@ def one_line(name: str) -> str:
 
 PARTIAL = ".partial"
 _WHOSE = re.compile(r"-([0-9a-f]{8})-(\d+)-(\d+)-[0-9a-z_]+(\..*)?")
-_STATE, _TICK = 0, 19  # indices of state and start tick among the words after the program's name in /proc/PID/stat
+_STATE, _TICK = 0, 19  # positions of the state and the start time in /proc/PID/stat, after the program's name
 
 
 def partial_name(suffix: str = "") -> str:
@@ -101,7 +101,7 @@ def _owner() -> str:
 
 @cache
 def _host() -> str:
-    """Return eight letters that identify this machine and its set of process numbers."""
+    """Return eight letters that identify this machine and its namespace of processes."""
     try:
         space = os.readlink("/proc/self/ns/pid")
     except OSError:
@@ -189,7 +189,7 @@ def _try_file(target: Path, temporary: Path) -> None:
 
 
 def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
-    """Write a new file from pieces of bytes and flush it to the disk, so that a full disk raises here."""
+    """Write a new file from pieces of bytes and flush it to the disk, so that a full disk causes an error at once."""
     with open(path, "xb") as file:
         for chunk in chunks:
             file.write(chunk)

@@ -185,7 +185,7 @@ def test_the_same_model_gives_the_same_bytes_and_an_older_file_is_replaced(tmp_p
         ({"steps": {}}, "has no load step or no support"),
         ({"supports": {}}, "has no load step or no support"),
         ({"young": float("nan")}, "numbers that are not finite"),
-        ({"triangles": np.array([[0, 1, 2, 3, 4, 10**6]])}, "1 triangles name nodes"),
+        ({"triangles": np.array([[0, 1, 2, 3, 4, 10**6]])}, "1 triangles have nodes"),
         (
             {"supports": {"my support": np.ones((len(pulled_strip().nodes), 3), dtype=bool)}},
             "is impossible for a node set",

@@ -25,16 +25,16 @@ UNITS = "lengths in metres, forces in newtons, Young's modulus and stresses in p
 
 @dataclass(frozen=True, eq=False)
 class CalculixModel:
-    """A sheet of six-node triangles with its supports and loads; index p counts the nodes, m the triangles.
+    """Finite element model of a sheet: p nodes, m six-node triangles, supports and loads.
 
     nodes     : (p, 3) metres.
     triangles : (m, 6) nodes: three corners, then the middle of the edge after each corner.
     thickness : metres.           young : pascals.         density : kg/m3.
-    steps     : by name, (p, 3) newtons on the nodes; each load is one *STEP.
-    supports  : by name, (p, 3) fixed directions; each support is a node set. Names are upper-case words.
-    clamped   : (p,) nodes with fixed rotations (S6 only).
+    steps     : names of load steps, and for each (p, 3) forces on the nodes in newtons.
+    supports  : names of supports (upper-case words), and for each (p, 3) True in fixed directions of a node.
+    clamped   : (p,) True for nodes with fixed rotations; only for S6 shells.
     springs   : (p, 3) newtons per metre between node and ground; 0 without a spring.
-    notes     : lines for the top of the file.
+    notes     : comment lines for the top of the file.
 
     Raises ExportError if shapes disagree, steps or supports are missing, or CPS6 triangles leave the plane z = 0."""
 
@@ -73,7 +73,7 @@ class CalculixModel:
             raise ExportError(f"the model {self.name!r} has numbers that are not finite; check its mesh and its loads")
         bad = np.flatnonzero((self.triangles < 0).any(axis=1) | (self.triangles >= len(self.nodes)).any(axis=1))
         if len(bad):
-            raise ExportError(f"{len(bad)} triangles name nodes that the model does not have (first: {first_few(bad)})")
+            raise ExportError(f"{len(bad)} triangles have nodes that the model does not have (first: {first_few(bad)})")
         if not self.steps or not (any(directions.any() for directions in self.supports.values()) or self.springs.any()):
             raise ExportError(f"the model {self.name!r} has no load step or no support; CalculiX needs both")
         if wrong := [name for name in self.supports if name != _set_name(name)]:
@@ -101,7 +101,7 @@ def cards(model: CalculixModel) -> Iterator[str]:
     yield from _header(model)
     numbers = np.arange(1, len(model.nodes) + 1)
     yield "*NODE, NSET=ALL\n"
-    yield from rows("%d, %.11e, %.11e, %.11e\n", numbers, *model.nodes.T)  # ccx reads 20 characters of a number
+    yield from rows("%d, %.11e, %.11e, %.11e\n", numbers, *model.nodes.T)  # ccx reads at most 20 characters of a number
     yield f"*ELEMENT, TYPE={model.element}, ELSET=SHEET\n"
     yield from rows("%d, %d, %d, %d, %d, %d, %d\n", np.arange(1, len(model.triangles) + 1), *(model.triangles.T + 1))
     yield from _section(model)
@@ -176,7 +176,7 @@ def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[st
 
 
 def _acting(force: Floats) -> Bools:
-    """Return (p, 3) True for force components above the rounding error of the largest component."""
+    """Return (p, 3): True for the components of the forces (p, 3) that are larger than rounding errors."""
     rounding = 1e-14
     return np.asarray(np.abs(force) > rounding * np.abs(force).max())
 
@@ -194,7 +194,7 @@ def _set_name(text: str) -> str:
 
 
 SUFFIX = ".beams.inp"
-PIECES = 4  # elements per beam; joints at angles are up to 17 % too stiff with one element, and up to 8 % with four
+PIECES = 4  # elements per beam; bent joints are up to 17 % too stiff with one element, and up to 8 % with four
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -204,7 +204,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back and compare the number of beams and the coordinates of nodes."""
+    """Read the file back; raise ExportError if the number of beams or the coordinates of the nodes differ."""
     cards = path.read_text(encoding="ascii").split("\n*")
     frame = part.details.beam_model
     beams = sum(card.startswith("ELEMENT, TYPE=B32R") for card in cards)

@@ -46,7 +46,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the script back and compare the number of beams and the coordinates of nodes."""
+    """Read the script back; raise ExportError if the number of beams or the coordinates of the nodes differ."""
     rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
     frame = part.details.beam_model
     beams = sum(row[:2] == ["element", "ElasticTimoshenkoBeam"] for row in rows)

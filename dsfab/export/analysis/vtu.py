@@ -1,6 +1,6 @@
 """VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields, in metres, with the SI unit in each name.
 
-The format has no place for the unit of length, so the file has a text field `unit`. Facts about the fields are the text
+The format has no place for the unit of length, so the file has a text field `unit`. Remarks on the fields are the text
 fields `note 1`, `note 2`, ... Arrays are little-endian base64 after a 64-bit count of bytes."""
 
 import base64

@@ -25,7 +25,7 @@ PLATE_SETS = {
     "Qto_PlateBaseQuantities": ("Width", "NetVolume", "NetWeight"),
     "Dsfab_PieceQuantities": ("NetSurfaceArea",),
 }
-"""Quantities of a plate, by quantity set. In the set of the standard, `Width` is the thickness."""
+"""Names of the quantities of a plate, by quantity set. In the first, standard set `Width` is the thickness."""
 KINDS = dict.fromkeys(("Length", "Width", "Thickness"), "LENGTH")
 for _kind in ("Area", "Volume", "Weight"):
     KINDS |= dict.fromkeys((f"Net{_kind}", f"Gross{_kind}"), _kind.upper())
@@ -47,7 +47,7 @@ class Place(NamedTuple):
 
 
 def file_header(name: str, version: str) -> str:
-    """Return the header of the file, with a fixed time, so that equal solids give equal files."""
+    """Return the header of the file, with a constant date, so that equal solids give equal files."""
     title = step_string(one_line(name))
     return (
         "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('ViewDefinition [ReferenceView_V1.2]'),'2;1');\n"
@@ -57,7 +57,7 @@ def file_header(name: str, version: str) -> str:
 
 
 def building(entities: StepEntities, name: str, details: Details, naming: Naming) -> Place:
-    """Add units, project, site, building and the entities that all elements share; return their numbers."""
+    """Add units, project, site, building and the other entities that all elements refer to; return their numbers."""
     title, measures = step_string(one_line(name)), details.measures
     units = references(_units(entities))
     origin = entities.add("IFCCARTESIANPOINT((0.,0.,0.))")
@@ -157,8 +157,8 @@ def element(
     amounts: Mapping[str, float],
     naming: Naming,
 ) -> int:
-    """Add a piece with colour and quantities; return the number of its entity. which : name and number of the piece.
-    mesh : vertices (n, 3), millimetres, and triangles (m, 3), whose vertices count from 1."""
+    """Add a plate with its colour and quantities; return its number. which : name and number of the plate.
+    mesh : vertices (n, 3) in mm, and triangles (m, 3) of vertex numbers from 1."""
     (name, i), (V, corners) = which, mesh
     faces = face_set(entities, V, corners, place.style)
     shape = entities.add(f"IFCSHAPEREPRESENTATION(#{place.body},'Body','Tessellation',(#{faces}))")
@@ -182,7 +182,7 @@ def _add_quantity_set(
 
 
 def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> int:
-    """Add a closed body with vertices V (n, 3) and triangles (m, 3), whose vertices count from 1; return its number."""
+    """Add a closed body of vertices (n, 3) and triangles (m, 3) of vertex numbers from 1; return its number."""
     points = "".join(comma_separated_rows("(%.6f,%.6f,%.6f),", *V.T))
     listed = entities.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
     triangles = "".join(comma_separated_rows("(%d,%d,%d),", *corners.T))
@@ -266,7 +266,7 @@ def millimetre_model(part: Part, path: Path) -> Any:
 
 
 def joined_face_sets(items: Iterable[Any]) -> tuple[Floats, Ints]:
-    """Join face sets of ifcopenshell into one mesh, V (n, 3) and F (m, 3)."""
+    """Join face sets of ifcopenshell into one mesh of vertices (n, 3) and triangles (m, 3)."""
     points, faces, offset = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
     for item in items:
         points.append(np.array(item.Coordinates.CoordList, dtype=np.float64))
@@ -308,7 +308,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
     """Read the file back with ifcopenshell; compare name, triangles and volume of each member with the part's."""
     model = millimetre_model(part, path)
     meshes = {}
-    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda item: item.id()):  # by_type sorts by class
+    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda item: item.id()):  # in the file's order
         if element.is_a() in ("IfcMember", "IfcPlate"):
             meshes[element.Name] = joined_face_sets(element.Representation.Representations[0].Items)
     return check_shapes(part, meshes)
@@ -355,7 +355,7 @@ def _add_quantities(
     usual = {key: value for key, value in amounts.items() if key.endswith(("Volume", "Weight"))}
     if shape.plate:
         usual |= {key: value for key, value in amounts.items() if key.endswith("Area")}
-        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # the standard calls it Width
+        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # Width is the standard's name
     elif "Length" in amounts:
         usual |= {"Length": amounts["Length"]}
     for name, set_amounts in ((title, usual), ("Dsfab_MemberQuantities", amounts)):

@@ -48,7 +48,7 @@ def require_rhino3dm(what: str = ".3dm files need") -> None:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the archive without times, and without the name of the file, which a direct write would store."""
+    """Yield the file. Equal parts give equal bytes, as the file has constant times and no file name."""
     model = empty_model()
     ids = ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
     layers = {MESH: new_layer(model, ids, MESH, GREY)}
@@ -77,7 +77,7 @@ def empty_model() -> Any:
 
 
 def archive(model: Any) -> bytes:
-    """Return a model as the bytes of a file without times."""
+    """Return a model as the bytes of a 3DM file with constant times."""
     version = 7  # Rhino 7 is the oldest version in wide use; newer versions read its files
     import rhino3dm
 
@@ -90,7 +90,7 @@ Ids = Callable[[str], uuid.UUID]
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function from names to UUIDs that depend on the arrays, so that several designs can share a model."""
+    """Return a function from names to UUIDs. The UUIDs depend on the arrays, and so differ between designs."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -107,9 +107,9 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int]) -> 
 
 
 def without_times(data: bytes) -> bytes:
-    """Replace both times in the history of an archive by `_TIME` and correct its checksum.
-    The history contains a version byte, author and time of creation, author and time of the last change, a count, and
-    a CRC-32. An author is a count of letters (4 bytes) and the letters. Raises ExportError for another layout."""
+    """Replace both times in the history of a 3DM file by `_TIME` and correct its checksum.
+    The history contains a version byte, author and time of creation, author and time of the last change, a count, and a
+    CRC-32. An author is a count of letters (4 bytes) and the letters. Raises ExportError for another layout."""
     header = 32  # 32 bytes precede the first chunk: code (4 bytes), length (8), content
     content = bytearray(data)
     properties = _chunk(data, header, len(data), _PROPERTIES)
@@ -143,8 +143,8 @@ def _chunk(data: bytes, start: int, end: int, kind: int) -> tuple[int, int] | No
 
 
 def rhino_mesh(V: Floats, F: Ints) -> Any:
-    """Build a rhino3dm mesh with normals from vertices (n, 3) in any unit and triangles (m, 3).
-    Vertices have double precision, which takes twice the space, only if single precision would move them."""
+    """Build a rhino3dm mesh with normals from vertices (n, 3) in any unit and triangles (m, 3). Coordinates are single
+    precision if this loses no digits, otherwise double precision, which takes twice the space."""
     import rhino3dm
 
     mesh = rhino3dm.Mesh()
@@ -198,7 +198,7 @@ def _about(name: str, layer: int, identity: uuid.UUID, facts: Mapping[str, str] 
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with rhino3dm. Raises ExportError unless all objects are valid and complete, in mm."""
+    """Read the file back with rhino3dm. Raises ExportError if an object is invalid or missing, or not in mm."""
     import rhino3dm
 
     items = _valid_items(part, path, ".dxf and .stl")
@@ -211,7 +211,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def _valid_items(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
-    """Return name and geometry of all objects; raises ExportError unless all are valid and in millimetres."""
+    """Return name and geometry of all objects; raises ExportError if one is invalid, or the unit is not mm."""
     import rhino3dm
 
     model = rhino3dm.File3dm.Read(str(path))
@@ -243,7 +243,7 @@ NODES = "nodes"  # name of the layer of the nodes
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield the archive of layers, meshes and axes of the members, and nodes."""
+    """Yield a 3DM file with the layers, meshes and axes of the members, and the nodes."""
     import rhino3dm
 
     model, facts, shapes = empty_model(), facts_of_members(part), part.details.shapes
@@ -265,7 +265,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with rhino3dm. Raises ExportError unless all members, axes and nodes are valid, in mm."""
+    """Read the file back with rhino3dm. Raises ExportError if an object is invalid or missing, or not in mm."""
     import rhino3dm
 
     things, kinds = _valid_items(part, path, ".members.dxf"), rhino3dm.ObjectType

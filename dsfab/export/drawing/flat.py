@@ -86,7 +86,7 @@ _TITLE = "title of the drawing"
 
 
 class _Frame(NamedTuple):
-    """DXF text before and after the entities. free : first unused handle; space : handle of the model space."""
+    """DXF text before and after the entities. free : first unused identifier; space : identifier of the model space."""
 
     before: str
     after: str

@@ -27,7 +27,7 @@ def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
         around = (o for o in outer if volumes[o] > -volumes[i] and winding(point, part.V, part.F[shell == o]) > 0.5)
         owner = next(around, None)
         if owner is None:
-            raise ExportError(f"piece {i} of the solid {part.name!r} is inside out; turn its faces")
+            raise ExportError(f"piece {i} of the solid {part.name!r} is inside out; reverse its faces")
         voids[owner].append(i)
     return shell, [[i, *voids[i]] for i in sorted(outer)]
 

@@ -69,7 +69,7 @@ class StepEntities:
         return self.free - 1
 
     def add(self, body: str, shared: bool = False) -> int:
-        """Add an entity and return its number. shared : return the number of an equal entity if the file has one."""
+        """Add an entity and return its number. shared : True to return an equal entity of the file, if there is one."""
         if shared:
             return self.once(body)
         self.text.append(f"#{self.free}={body};\n")
@@ -153,7 +153,7 @@ class StepEntities:
         return self.add(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)", shared)
 
     def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
-        """Add a bound. steps : edges in order, with True for an edge that runs forwards."""
+        """Add a closed row of edges. steps : edges in order, each with True if it runs forwards."""
         oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if forwards else 'F'}.)") for edge, forwards in steps]
         loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
         return self.add(f"{kind}('',#{loop},.T.)")
@@ -217,7 +217,7 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 
 
 def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
-    """Add a solid with one outer shell and voids. Shells of voids face outwards, and their entities reverse them."""
+    """Add a solid with an outer shell and voids. Shells of voids face outwards, so reversed shells are added."""
     shells = [entity_list.add(f"CLOSED_SHELL('',{references(faces[shell == i].tolist())})") for i in [outer, *voids]]
     inner = [entity_list.add(f"ORIENTED_CLOSED_SHELL('',*,#{k},.F.)") for k in shells[1:]]
     if not inner:
@@ -231,7 +231,7 @@ def step_string(name: str) -> str:
     return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
 
 
-FACETED_DIGITS = 5  # decimals (mm) of corners of planar faces, as precise as the file states
+FACETED_DIGITS = 5  # decimals (mm) of corners of planar faces; the file states this precision
 
 _COORDINATES = f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f)"
 _RATIOS = "DIRECTION('',(%d.,%d.,%d.))"
@@ -294,7 +294,7 @@ def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, in
 def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
-    """Yield the entities of one kind after another, so that memory holds one kind at a time. digits : of normals.
+    """Yield the entities of one kind after another, to save memory. blocks : numbers of the entities of each kind.
     vectors, normals : distinct directions, and the number of the direction of each edge or face."""
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
@@ -337,7 +337,7 @@ def _digits(shape: Polyhedron) -> int:
 
 
 def faceted_bytes(shape: Polyhedron) -> float:
-    """Estimate the bytes of the text of `entities` from the numbers of its entities; 10 % off at most."""
+    """Estimate the bytes of the text of `entities` from the numbers of its entities, within 10 %."""
     v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
     steps, bounds = len(shape.steps), len(shape.loops) - 1
     reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # length of '#' and a number
@@ -362,7 +362,7 @@ def header(name: str, description: str, pieces: int = 1) -> str:
 
 
 def _table(numbers: range, template: str, *columns: Any) -> Iterator[str]:
-    """Yield one entity per row, without zeros at the end of decimals because these zeros fill a quarter of the file."""
+    """Yield one entity per row, without zeros at the end of decimals. Such zeros would fill a quarter of the file."""
     return (TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
 
 

@@ -93,7 +93,7 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
-    """Yield the chunks. Above `step_mb`, raises BudgetError with the larger of written and `expected` bytes."""
+    """Yield the chunks; raises BudgetError above `step_mb`, with the larger of the written and the expected bytes."""
     size = 0
     for chunk in chunks:
         size += len(chunk)
@@ -104,8 +104,8 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
-    OCCT has already measured files by members and smooth files, so only their bytes are compared here. If a smooth
-    file is for cutting (`cut`), OCCT's triangles must also bound a solid."""
+    OCCT has already measured files by members and smooth files, so only their bytes are compared here. If the user
+    wants to cut a smooth file (`cut`), OCCT's triangles must also bound a solid."""
     if part.step == "members":
         file = member_file(part)
         _require_same(part, path, file.text)
@@ -142,7 +142,7 @@ def _require_same(part: Part, path: Path, text: str) -> None:
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:
-    """Return OCCT's facts about a file, from a program with a time limit; raises ExportError if the program fails."""
+    """Return OCCT's report on a file, from a program with a time limit; raises ExportError if the program fails."""
     limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step in ("faceted", "smooth") else 0)
     try:
         return occt_report("facts", str(path), seconds=limit)
@@ -183,7 +183,7 @@ def check_compressed(part: Part, path: Path) -> ReadBack:
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
-    """Describe the strategy with the same sentence as for STEP."""
+    """Describe the strategy of the file in one sentence. refused : errors of the strategies tried before."""
     return strategies.route_sentence(part, refused).replace("STEP", "BREP", 1)
 
 
@@ -213,7 +213,7 @@ def check_brep(part: Part, path: Path) -> ReadBack:
         if not abs(report["volume"] - volume) <= READ_BACK * volume:
             raise ExportError(f"the BREP by members of {part.name!r} has another volume; write STEP instead")
     else:
-        smooth = smooth_file(part)  # the mesh cuts curves short and has less volume
+        smooth = smooth_file(part)  # the volume of the mesh is smaller, because its edges are chords
         if smooth.smooth == smooth.pieces and not abs(report["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
             raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
     return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)

@@ -15,8 +15,8 @@ from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
 SAME_PLACE = 1e-3  # largest distance (mm) between a corner and its vertex, and between outlines of both skins
-WIDTH_SHARE = 0.1  # largest tolerance of a loop over its area per length, so that slits and dots keep their shape
-GAP_SHARE = 0.25  # largest tolerance of a loop over its distance from other loops, so that curves never cross a member
+WIDTH_SHARE = 0.1  # largest tolerance of a loop / (its area / length), so that slits and dots keep their shape
+GAP_SHARE = 0.25  # largest tolerance of a loop / distance from other loops, so that curves never cross a member
 
 
 class NotFlatError(ExportError):
@@ -67,7 +67,7 @@ def outlines_of(part: Part) -> FlatOutlines:
     lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
     across = np.linalg.eigh(np.einsum("mi,mj,m->ij", vectors, vectors, 1 / lengths))[1].T
     used = np.unique(part.F)
-    for axis in across[::-1]:  # usually the last axis is the skins' normal, because skins are most of the area
+    for axis in across[::-1]:  # the skins have most of the area, so their normal is usually the last axis
         axis = axis * np.sign(axis[np.abs(axis).argmax()])
         height = part.V @ axis
         low, high = float(height[used].min()), float(height[used].max())
@@ -77,7 +77,7 @@ def outlines_of(part: Part) -> FlatOutlines:
 
 
 def frame(across: Floats) -> Floats:
-    """Return (3, 3) right-handed axes with `across` last; the world's axes if `across` is one of them."""
+    """Return (3, 3) right-handed axes, the last of them `across`; if `across` is a world axis, all are world axes."""
     along = np.roll(np.eye(3), -1, axis=0)[np.abs(across).argmax()]
     axis = along - (along @ across) * across
     axis = axis / np.linalg.norm(axis)
@@ -107,7 +107,7 @@ def _skin_outlines(part: Part, axes: Floats, low: float, high: float) -> FlatOut
 
 def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlate:
     """Fit curves within `tolerance` (mm) to the outlines; `corners` (k, 3) stay corners at any angle.
-    Raises ExportError if no spline follows so closely."""
+    Raises ExportError if no spline is within the tolerance."""
     tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
     piece_curves = []
     gaps = iter(gaps_between([loop for loops in outlines.pieces for loop in loops], tolerance))
@@ -126,9 +126,9 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
 
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
-    """Return for each loop a lower bound of its distance from any other loop; inf if no other loop is in reach.
-    Distances between points at a spacing s along the loops are at most s too large. So s is subtracted, and shrinks
-    until it is small compared with the result. `least` is the smallest spacing and the smallest result."""
+    """Return for each loop a lower bound of its distance from all other loops, or inf if these are too far to matter.
+    Distances are measured between points with a spacing s along the loops, so they are at most s too large. s is then
+    subtracted, and made smaller until it is small beside the result. least : smallest spacing, and smallest result."""
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))
     while remaining and len(loops) > 1 and spacing >= least:

@@ -63,7 +63,7 @@ class FlatFacets:
 
     @cached_property
     def has_creases(self) -> bool:
-        """True if creases are at least half of the length of all folds; otherwise the mesh may show a curved sheet."""
+        """True if creases make half of the length of all folds or more; otherwise the sheet may be curved."""
         F, upper = self.whole.F, self.skins[:, 0]
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
@@ -112,7 +112,7 @@ def folded_sheet(part: Part) -> FoldedSheet | None:
 
 
 def _facets(part: Part) -> FlatFacets:
-    rough = 1e-4  # mesh files round vertices, so they may be off their planes by this share of the thickness
+    rough = 1e-4  # largest distance of vertices, rounded in mesh files, from their plane / thickness
     if part.curved is None:
         raise NotFlatError("only the solid is known")
     curved = part.curved()
@@ -160,7 +160,7 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
     """Return (n, 2, 3) vertices moved by least squares into the planes of their facets, and (n,) True where this fails.
     The corners of a facet with a single face define its plane, so they do not move."""
-    exact = 1e-5  # corners of a fold may be off the planes that meet there by 1e-5 mm
+    exact = 1e-5  # largest distance (mm) of a fold's corners from the planes that meet there
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
     pairs = np.unique(np.stack([F, np.repeat(facet[:, None], 3, axis=1)], axis=2).reshape(-1, 2), axis=0)
@@ -180,7 +180,7 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
 
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
-    """A folded sheet and its walls: curves with poles (p, 4) as in `Facet.flat`, by the keys of their runs."""
+    """A folded sheet, and for each run of its outline (by `RunKey`) the curves of the walls, with poles (p, 4)."""
 
     sheet: FoldedSheet
     walls: dict[RunKey, list[Curve]]
@@ -223,7 +223,7 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
 
 def _curve(line: Floats, tolerance: float) -> Curve:
     """Fit a curve to a line (k, 4) on both skins.
-    One skin may be longer, so points at equal shares of both lengths form pairs. Straight edges then stay lines."""
+    One skin may be longer, so points at equal fractions of both lengths form pairs. Straight edges then stay lines."""
     upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
     shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)

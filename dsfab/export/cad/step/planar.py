@@ -13,9 +13,9 @@ FLATNESS = 1e-5  # largest distance (mm) of vertices from a joined plane or line
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
     """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
     tolerance : largest distance of vertices from a joined plane, millimetres.
-    Two neighbours join if the apex of each lies in the plane of the other and their normals are on the same side. A
-    triangle lower than FLATNESS has no exact plane, so it joins only the neighbour at its longest edge. Small turns
-    add up, so a region with a vertex off its mean plane is taken apart."""
+    Two neighbours join if the third vertex of each lies in the plane of the other and their normals are on the same
+    side. A triangle with a height below FLATNESS has no exact plane, so it joins only the neighbour at its longest
+    edge. Small angles add up, so a region is divided again if a vertex is too far from its mean plane."""
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     units = unit_vectors(vectors)
@@ -105,7 +105,7 @@ def simple_loops(outline: FaceOutlines, F: Ints) -> FaceOutlines:
 
 
 def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
-    """Cut a loop of half-edges h, which leave `vertices`, into loops that visit each vertex once."""
+    """Cut a loop of half-edges h, which begin at `vertices`, into loops that visit each vertex once."""
     loops, path, place = [], list[int](), dict[int, int]()
     visited: list[int] = []
     for half_edge, vertex in zip(h, vertices, strict=True):
@@ -122,7 +122,7 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return, for each half-edge, the positions (h,) of the last corner up to it in its loop, and of the next corner.
+    """Return for each half-edge of a loop the positions (h,) of the corner at or before it, and of the next corner.
     alive : (h,) True for corners."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
@@ -216,7 +216,7 @@ def _numbered_polyhedron(
     outline: FaceOutlines,
     alive: Bools,
 ) -> Polyhedron:
-    """Number points, edges and faces."""
+    """Return the polyhedron with its own numbers of points, edges and faces."""
     face_of_loop = region[outline.h[outline.start[:-1]] // 3]
     normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     begin, start, (edge, ends, forward) = _long_edges(F, table, outline, alive)
@@ -247,7 +247,7 @@ def _long_edges(
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
     """Return the first vertex of each step, the first step of each loop, and the long edges: the edge of each step, the
     vertices (e, 2) of each edge, and True for steps along their edge.
-    The faces on both sides identify a long edge by its mesh edge with the smallest number."""
+    The faces on both sides recognise their common long edge by the smallest number of its mesh edges."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
     run, end = ends_of_runs(is_corner, outline)

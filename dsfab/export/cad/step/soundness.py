@@ -23,7 +23,7 @@ from dsfab.export.subprocesses import ProgramError
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges
 from dsfab.thickening.self_intersection import intersecting_pairs
 
-REDRAWING_ROUNDS = 2  # number of times that OCCT redraws crossing curved faces, each with a quarter of the deflection
+REDRAWING_ROUNDS = 2  # number of times that OCCT divides crossing curved faces again, each time four times finer
 
 
 class StepTriangles(NamedTuple):
@@ -38,7 +38,7 @@ class StepTriangles(NamedTuple):
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
     """Return OCCT's triangles after points at the same place were merged."""
-    same_place = 1e-9  # points nearer than this share of the diagonal are equal; OCCT triangulates each face alone
+    same_place = 1e-9  # points are equal below this distance / diagonal; OCCT triangulates each face alone
     grid = np.round(mesh.V / (same_place * float(np.linalg.norm(np.ptp(mesh.V, axis=0)))))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     F = point_number.reshape(-1)[mesh.F]
@@ -51,7 +51,7 @@ def curved_soundness(
 ) -> Soundness:
     """Judge a solid with curved faces by its triangles.
     deflection : largest distance of the triangles from curved faces in metres; 0 without such faces.
-    shape      : OCCT's binary shape of the file.    on_redraw : called before faces are redrawn.
+    shape      : OCCT's binary shape of the file.    on_redraw : called before faces get finer triangles.
 
     Crossings are tested again with finer triangles; the first triangles decide about all other faults. Raises
     ExportError if OCCT takes too long."""
@@ -68,8 +68,8 @@ def curved_soundness(
 
 
 def step_fault(path: Path, deflection: float) -> str:
-    """Return the reason why a STEP file, drawn with a deflection in metres, is not a solid; "" for a solid.
-    Raises ExportError if OCCT cannot read the file or takes too long."""
+    """Return the reason why a STEP file is not a solid, judged by OCCT's triangles; "" for a solid.
+    Raises ExportError if OCCT cannot read the file or takes too long. deflection : of the triangles, metres."""
     mesh = read_step(path, deflection / METRES_PER["mm"])
     return triangle_fault(step_triangles(mesh), deflection, mesh.shape)
 
@@ -98,8 +98,8 @@ def _faces_near(triangles: StepTriangles, faces: Ints, deflection: float) -> Int
 def _redraw(
     sound: Soundness, first_triangles: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
-    """Redraw some faces with a smaller deflection; return the new judgement and the triangles.
-    If the new triangles have another topology, they do not fit the other triangles, and all faces are redrawn."""
+    """Make finer triangles of some faces; return the new judgement and the triangles.
+    If the new triangles have another topology, they do not fit the other triangles, and all faces get finer ones."""
     redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
         redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))
@@ -122,7 +122,7 @@ def _euler(F: Ints) -> int:
     return len(np.unique(F)) - len(edge_table(F).ends) + len(F)
 
 
-MOST_FACES = 2000  # largest number of faces for a trial cut without a request; the cut takes 4 s, from text 15 s
+MOST_FACES = 2000  # largest number of faces for a trial cut without a request; this takes up to 15 s
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """Return the fault of a trial cut's halves ("" if none), and the box of the whole: six numbers in mm, or none."""
+    """Return the fault of a trial cut's halves ("" if none), and the box of both: six numbers in mm, or none."""
     seconds = 30.0 + 0.03 * faces  # several times the usual time; volumes of smooth halves with many edges take long
     try:
         report = occt_report("sample", str(path), seconds=seconds)
@@ -180,8 +180,8 @@ def _file(content: bytes, suffix: str = ".step") -> Iterator[Path]:
 
 
 def box_fault(part: Part, bounds: list[float], limits: SmoothLimits, share: float = 1e-2) -> str:
-    """Return the fault of OCCT's box around a part's file, six numbers in mm; "" if the box fits.
-    share : largest error, as a share of the part's diagonal."""
+    """Return the fault of OCCT's bounding box of a part's file, six numbers in mm; "" if the box fits.
+    share : largest error, as a fraction of the part's diagonal."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     distance = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
     is_far = distance > share * size + limits.distance + limits.usual_chord

@@ -34,13 +34,13 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 QUICK_FACTOR = 3
-"""Factor of the largest numbers of walls and layouts if `quick` tries a smooth file, because no other attempt
-follows. OCCT may refuse a face with a seam close to an opening; another layout (5 to 10 s) has its seams elsewhere. Of
+"""With `quick`, a smooth file is the last attempt, so it may have this multiple of the usual numbers of walls and
+layouts. OCCT may refuse a face with a seam close to an opening; another layout (5 to 10 s) has its seams elsewhere. Of
 ten user surfaces four failed in the first layout; three of these passed in the second and one in the third."""
 
 MEMBER_FACES_FACTOR = 2
-"""Factor of the largest number of faces by members if `auto` cannot write facets, because these exceed the budget.
-Then only a smooth file remains, which CAD programs fail to cut: all eight cuts of a cylinder at 45 degrees failed."""
+"""If facets exceed the budget, `auto` allows this multiple of the usual number of faces by members. Otherwise only a
+smooth file remains, which CAD programs fail to cut: all eight cuts of a cylinder at 45 degrees failed."""
 
 
 def prepare(part: Part) -> Part:
@@ -62,7 +62,7 @@ def prepare(part: Part) -> Part:
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
     """Yield the part with each strategy in turn, the best first, or the BudgetError of a strategy above the budget.
     A solid is simplified before faceting if the user gave a tolerance; otherwise only if all other strategies fail."""
-    tighter = 1 / 4  # a second planar file has this share of the tolerance, because curves may cross in a narrow place
+    tighter = 1 / 4  # a second planar file has this fraction of the tolerance, in case curves crossed in a narrow place
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
         yield part
@@ -216,7 +216,7 @@ def _is_by_members(error: ExportError) -> bool:
 
 
 def reasons(refused: Sequence[ExportError]) -> list[str]:
-    """Return the reasons for the refusals without duplicates; "not flat" counts only if it is the only reason."""
+    """Return the reasons for the refusals without duplicates. "Not flat" is omitted if there are other reasons."""
     remaining = [error for error in refused if not isinstance(error, NotFlatError)] or refused
     return list(dict.fromkeys(_reason_with_advice(error, str(error)) for error in remaining))
 

@@ -1,4 +1,4 @@
-"""Borders between members: straight curves, steep ends at round corners, and removal where outlines cross."""
+"""Borders between members: straight, at large angles to round corners, and removed where outlines cross."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -16,7 +16,7 @@ from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, sig
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
-TOUCHING_SHARE = 1 / 400  # an outline's parts touch below this distance over the thickness; few come so near
+TOUCHING_SHARE = 1 / 400  # parts of an outline touch below this distance, as a fraction of the thickness
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
@@ -38,7 +38,7 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     for skin in (slice(3), slice(3, 6)):
         seen = [line[:, skin] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
-            return set(chain.tolist())  # the sides of a narrow region crossed, so its area is negative
+            return set(chain.tolist())  # a negative area: sides of a narrow region cross
         chain_numbers.update(chain[crossing_segments(seen)].tolist())
         corner, segment = np.nonzero(ends_elsewhere & (_distances(seen, first_points) < distance))
         chain_numbers.update(chain[segment].tolist())
@@ -62,7 +62,7 @@ def _samples(curves: Mapping[int, ChainCurve], loop: ChainLoop, fine: int) -> Fl
 
 
 def crossing_segments(lines: list[Floats]) -> Bools:
-    """Return (k,) True for each segment of closed lines (k, 2) in a plane that crosses another segment."""
+    """Return (k,): True for each segment of closed lines (k, 2) in a plane that crosses another segment."""
     a = np.concatenate(lines)
     b = np.concatenate([np.roll(line, -1, axis=0) for line in lines])
     along = (b - a)[:, None]
@@ -73,7 +73,7 @@ def crossing_segments(lines: list[Floats]) -> Bools:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Join each region whose outline crosses or nearly touches itself with a neighbour, if one can be joined."""
+    """If the outline of a region crosses or nearly touches itself, join the region with a neighbour, if it has one."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -123,9 +123,9 @@ PLACES = np.linspace(0, 1, 65)  # parameters where the curvature is measured
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Remove borders that turn back, and straighten the other inner chains; thickness in millimetres."""
-    sideways = 1 / 3  # a chain moves sideways by at most this share of the thickness
-    sag = 1 / 400  # largest distance of chords from the curve, over the thickness; coarser chords need many spans later
+    """Remove borders that bend back like a hairpin, and straighten all other chains inside the sheet."""
+    sideways = 1 / 3  # a chain moves sideways by at most this fraction of the thickness
+    sag = 1 / 400  # largest distance of chords from the curve, as a fraction of the thickness
     P = np.asarray(net.weights @ lifting.skins.points)
     inner = [k for k, chain in net.chains.items() if chain.right != VOID and len(chain.points) > 2]
     if inner and len(lifting.sides.creases):
@@ -149,7 +149,7 @@ def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
 
 
 def _turns_back(curve: Spline) -> bool:
-    most_spans = 4  # a chain with more spans wanders too much for the side of a patch
+    most_spans = 4  # a chain with more spans is too wavy for a side of a patch
     detour = 1.5  # a hairpin has at least 1.5 times the length of its chord; half a circle has 1.57 times
     line = curve(PLACES)
     return (
@@ -159,7 +159,7 @@ def _turns_back(curve: Spline) -> bool:
 
 
 def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> ChainNet:
-    least_cosine = 0.5  # the normals of a joined region are at most 60 degrees off their mean
+    least_cosine = 0.5  # each normal of a joined region is at most 60 degrees from their mean
     for k in hairpins:
         chain = net.chains.get(k)
         if chain is None or chain.left == chain.right:
@@ -182,8 +182,8 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Move borders that end at round corners so that they meet the outline steeply; thickness in millimetres."""
-    rounds = 3  # a border moves along one chain in each round, and a corner may have several chains
+    """Move ends of borders along round corners until they meet the outline at large angles; thickness in mm."""
+    rounds = 3  # in each round an end moves along one chain; a corner may have several chains
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
@@ -205,9 +205,9 @@ class _BorderEnds:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def move_border(self, node: int) -> None:
-        sharp = 20.0  # degrees; borders at flatter turns stay, because moving them gave a dome 5 % more faces
-        gain = 15.0  # a new place must be at least 15 degrees steeper
-        steep = 30.0  # a border that meets the outline at 30 degrees or more is not moved
+        sharp = 20.0  # degrees; borders at smaller bends of the outline stay; moving them gave a dome 5 % more faces
+        gain = 15.0  # degrees; the angle with the outline must grow by this
+        steep = 30.0  # degrees; a border with this angle to the outline is not moved
         before, after, (seam, end) = self.nodes[node]
         if self.changed & {before, after, seam} or turn_at(self._points_around(before, after)) < sharp:
             return
@@ -224,8 +224,8 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Return the rank of a place for a border's end: larger angles first, up to 45 degrees, then ends of arcs."""
-        enough = 45.0  # places steeper than 45 degrees rank equal
+        """Return the rank of a place for the end of a border: larger angles first, then ends of arcs."""
+        enough = 45.0  # degrees; places with larger angles rank equal
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
 
@@ -234,8 +234,8 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the angle (degrees) between a border and the outline at a node.
-        If only one of the two walls there is round, only the other wall counts."""
+        """Return the angle (degrees) at a node between a border and the outline's two walls there.
+        If only one of these walls is round, only the straight wall counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

@@ -63,7 +63,7 @@ class MemberFile:
 
 
 class NotByMembersError(ExportError):
-    """Reason why a part has no file by members. if_asked : True if the file is possible when the user requests it."""
+    """Reason why a part has no file by members. if_asked : True if dsfab would still write the file on request."""
 
     def __init__(self, reason: str, if_asked: bool = False) -> None:
         super().__init__(reason)
@@ -124,7 +124,7 @@ class _TriangleReport:
 
     @classmethod
     def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "_TriangleReport":
-        """Judge triangles; an error becomes the `fault`, because OCCT still checks other properties in parallel."""
+        """Check triangles. An error is stored as `fault`, not raised, because other checks run meanwhile."""
         triangles = step_triangles(mesh)
         forth, back = gate.distances(MM_PER_M * triangles.V, triangles.F)
         try:
@@ -143,7 +143,7 @@ def _require_solid(
     part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[_TriangleReport]
 ) -> tuple[float, float, bytes]:
     """Return the largest distances from solid to mesh and back, and OCCT's shape; or raise ExportError."""
-    wide_box = 2e-2  # largest error of OCCT's box over the diagonal; for a saddle of 5 m it is 1.1 % (smooth file 20 %)
+    wide_box = 2e-2  # largest error of OCCT's bounding box, as a fraction of its diagonal; 1.1 % for a saddle of 5 m
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)
     _require(len(findings) == draft.solids, "OCCT did not read the solids by members within the time limit")
@@ -175,7 +175,7 @@ def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> 
 
 
 def _use_sentence(draft: MemberDraft, seconds: float) -> str:
-    """Describe OCCT's trial cuts and fillets; raises ExportError if a CAD program would fail with the file."""
+    """Describe OCCT's trial cuts and fillets; raises ExportError if one shows that CAD programs would fail."""
     try:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:
@@ -185,7 +185,7 @@ def _use_sentence(draft: MemberDraft, seconds: float) -> str:
 
 
 def _require_use(report: dict[str, Any]) -> None:
-    plain_limit = 1e-3  # largest relative error of the volume by OCCT's plain rule
+    plain_limit = 1e-3  # largest relative error of the volume if OCCT does not refine its integration
     plain_error = report["plain"] / report["volume"] - 1
     _require(report["valid"], "OCCT finds the solid by members invalid once it is read again")
     last_cut = _cut_fault(f"half-space cut {report['sound'] + 1} of {CUT_COUNT}", report["missed"][-1])

@@ -36,7 +36,7 @@ class InnerSpline:
 
     @cached_property
     def hats(self) -> Floats:
-        """(k + 1 places, k spans, 4) weights of the Bezier poles in the curve's point at each place."""
+        """Return (k + 1, k, 4): the weight of each Bezier pole of each span in the point at each place."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -99,7 +99,7 @@ class SampledChain:
         return {}
 
     def point(self, x: float) -> Floats:
-        """Return the point (6,) at a share x < 1 of the chain's length."""
+        """Return the point (6,) at the fraction x < 1 of the chain's length."""
         s, to = self.lengths, x * self.lengths[-1]
         i = int(s.searchsorted(to, side="right"))
         return np.asarray((self.Q[i] - self.Q[i - 1]) / (s[i] - s[i - 1]) * (to - s[i - 1]) + self.Q[i - 1])
@@ -161,7 +161,7 @@ def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list
 
 
 def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], Floats]) -> list[ChainCurve]:
-    """Move curves onto the skins between their ends, because faces beside a curve off the skins would also be off.
+    """Move curves onto the skins between their ends.
     vectors_to_skins : function that returns the vectors from points (k, 6) to the skins."""
     if not curves:
         return []
@@ -193,7 +193,7 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
     return result
 
 
-PARABOLA_SHARE = 1 / 10  # largest distance of a parabola from its cubic, over the allowed distance from the mesh
+PARABOLA_SHARE = 1 / 10  # largest distance of a parabola from its cubic, as a fraction of the allowed one
 ZERO_DIFFERENCE = 1e-8  # smaller third differences (mm) are rounding errors
 
 BOW_FACTOR = np.sqrt(3) / 36
@@ -210,7 +210,7 @@ def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floa
 
 
 def as_parabolas(P: Floats, axis: int) -> Floats:
-    """Replace cubics, with 4 poles along an axis, by parabolas in cubic form through their ends and middles."""
+    """Replace cubics, with 4 poles along an axis, by parabolas (as cubics) with the same ends and middle points."""
     P = P.swapaxes(0, axis)
     third = _third(P) / 6
     return np.stack([P[0], P[1] - third, P[2] + third, P[3]]).swapaxes(0, axis)
@@ -240,13 +240,13 @@ def _third(P: Floats) -> Floats:
 
 
 def _middle_pole(P: Floats) -> Floats:
-    """Return the middle poles (...) of parabolas given as cubics (4, ...), bitwise equal for reversed curves."""
+    """Return the middle poles (...) of parabolas stored as cubics (4, ...); a reversed curve gives the same bits."""
     return np.asarray((3 * (P[1] + P[2]) - (P[0] + P[3])) / 4)
 
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     """Return True if cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
-    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # end tangents turn at most 0.5 degrees, and 0.25 out of the skin
+    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest change of end tangents, in the skin and normal to it
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
     if (outer < box[0]).any() or (outer > box[1]).any():

@@ -53,7 +53,7 @@ patch. When OCCT shortens an edge, a larger gap may grow slightly, and the edge 
 
 
 class NetWriter:
-    """Writer of a model's STEP entities into the list `new`; the two sides of a seam share their entities."""
+    """Writer of a model's STEP entities into the list `new`; both sides of a seam of the model share entities."""
 
     def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
         self.new, self.model = entity_list, model
@@ -65,7 +65,7 @@ class NetWriter:
         self.edges = list[list[int]]()
 
     def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam]) -> list[int]:
-        """Add all faces and return their numbers. seams : the extended seams, by number of their edge."""
+        """Add all faces and return their numbers. seams : extended curves of seams, by the number of the edge."""
         numbers, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
         surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
@@ -136,10 +136,10 @@ class NetWriter:
         return [numbers[i : i + poles.shape[1]] for i in range(0, len(numbers), poles.shape[1])]
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
-        """Return the edge between the outer and inner point of a vertex, and True if it runs to the outer point."""
+        """Return the edge between a vertex's points on both skins, and True if the edge ends on the outer skin."""
         outer, inner = self.vertices[vertex]
         if (outer, inner) in posts:
-            return posts[outer, inner], False  # the other side of a seam has added this edge
+            return posts[outer, inner], False  # added by the other side of the seam, in the opposite direction
         if (inner, outer) not in posts:
             ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
             posts[inner, outer] = self.new.edge(inner, outer, self.new.bezier(ends))
@@ -150,13 +150,13 @@ class NetWriter:
         return self.new.spline_surface((j - 1, k - 1), rows, bezier_knots(j), bezier_knots(k))
 
 
-GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges, as a share of the thickness
-PASSES = 3  # largest number of tests for crossing outlines, because changed outlines may cross again
-UNASKED = 7000  # largest number of faces with `hurry` = 1, if the user did not request members; more take half a minute
+GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges, as a fraction of the thickness
+PASSES = 3  # number of attempts; after a change other outlines may cross
+UNASKED = 7000  # largest number of faces if the user did not request members; more take over half a minute
 
 
 class ManyFacesError(ExportError):
-    """The file would have so many faces that the user must request it."""
+    """The file would have so many faces that dsfab writes it only on request."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,14 +172,14 @@ class MemberDraft:
 
 def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
     """Encode a part without checks. Raises ExportError if that fails, and ManyFacesError for too many faces.
-    fine : True to measure the distance of faces from the mesh, keep borders close to the skins, and use more points in
+    fine : True to measure the distance of faces from the mesh, keep borders near the skins, and use more points in
            long triangles, see `RegionInterior`."""
     with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)
 
 
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
-    least_walls = 3 / 4  # smallest share of outline chains that become walls; usually 14 of 15 chains do
+    least_walls = 3 / 4  # smallest fraction of outline chains that become walls; usually 14 of 15 chains do
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, but they are unknown")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
@@ -201,7 +201,7 @@ _TOO_MANY = WeakSet[Part]()
 
 
 def has_too_many(part: Part) -> bool:
-    """Return True if a part was refused only because of its number of faces."""
+    """Return True if a part has no file by members only because the file would have too many faces."""
     return part in _TOO_MANY
 
 
@@ -210,7 +210,7 @@ def _require_few(part: Part, faces: int) -> None:
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
         raise ManyFacesError(
-            f"by members it would have at least {faces} faces, more than the {limit} that are tried without a request"
+            f"by members it would have at least {faces} faces, more than the {limit} that dsfab tries without a request"
         )
 
 
@@ -227,8 +227,8 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
     """Return the simplified net of a piece of the sheet."""
-    lens_share = 1 / 3  # a region between two chains is removed if it is narrower than this share of the thickness
-    wall_share = 1 / 20  # a wall between two borders is removed if it is shorter than this share of the thickness
+    lens_share = 1 / 3  # a region between two chains is removed if it is narrower than this fraction of the thickness
+    wall_share = 1 / 20  # a wall between two borders is removed if it is shorter than this fraction of the thickness
     t, skins = plan.limits.thickness, lifting.skins
     creased = lifting.sides.lines_on_creases if len(lifting.sides.creases) else None
     net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)
@@ -240,7 +240,7 @@ def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
 
 
 def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SolidPlan) -> tuple[NetModel, list[TrimmedFace]]:
-    least_share = 0.95  # at least this share of the faces must remain after regions are joined
+    least_share = 0.95  # at least this fraction of the faces must remain after regions are joined
     fits = _Fits(interior, plan)
     lines, model = fits.model(net)
     _require_few(part, int(least_share * model.faces))
@@ -358,12 +358,12 @@ class _Fits:
 
 
 def _wanted_gap(thickness: float) -> float:
-    # For gaps below 0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles.
+    # Smaller gaps, of 0.004 mm in a sheet of 16 mm, made most trimmed faces degree 4 to 7 with a third more poles.
     narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough if it is below both limits
     return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))
 
 
 def _wide_box(skins: Floats) -> Floats:
     # Without a limit, poles at the rim of a vault of 12 m lay 170 mm above its surface, and OCCT's box contained them.
-    share = 1 / 300  # poles may leave the box by this share of its diagonal
+    share = 1 / 300  # poles may lie outside the box by this fraction of its diagonal
     return np.asarray(skins + share * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))

@@ -1,4 +1,4 @@
-"""Preparation of edges for fillets by OCCT: longer seams at corners, order of walls, direction and length of edges."""
+"""Preparation of edges for OCCT's fillets: seams extended at corners, walls ordered, edges cut and reversed."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from 
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return curves (4, 6) as poles (2, 4, 2) in the parameters of a face's surfaces; None if curves leave them."""
+    """Convert curves (4, 6) to poles (2, 4, 2) in a face's parameters; None if they are not on its surfaces."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
@@ -37,7 +37,7 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
     """Return ends (2, 2, 2) of curves (4, 6) in the parameters of a patch; None unless the curves run along its side.
-    edge : (4, 6) edge that the curves extend.    share : (2,) extensions at start and end, over the edge's length."""
+    edge : (4, 6) edge that the curves extend.    share : (2,) extensions at start and end, as fractions of the edge."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -66,40 +66,40 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
     return bool(np.abs(points - bernstein(PLACES) @ poles).max() < FACE_TOLERANCE)
 
 
-FILLET_SHARE = 1 / 6  # radius of a fillet over the thickness; seams extend by tan(turn / 2) times this radius
-MARGIN = 0.1  # surfaces extend farther than the seam by this share of the seam's extension
+FILLET_SHARE = 1 / 6  # radius of a fillet / thickness; seams extend by this radius times tan(angle of the bend / 2)
+MARGIN = 0.1  # surfaces extend farther than the seam by this fraction of the seam's extension
 
 LARGE_FILLET_SHARE = 1 / 8
-"""Radius over the thickness of the largest fillet at a seam that continues a wall's edge. OCCT extends the patch
-there along its tangents, and the gap at the fillet's end becomes the seam's tolerance. If this tolerance is above 1e-4
-mm, the seam runs backwards, and the solid is invalid."""
+"""Radius of the largest fillet at a seam that continues a wall's edge, as a fraction of the thickness. OCCT extends the
+patch there along its tangents, and the gap at the fillet's end becomes the seam's tolerance. If this tolerance is above
+1e-4 mm, OCCT reverses the seam, and the solid is invalid."""
 
 TANGENT_GAP = 3e-5
-"""Wanted gap (mm) at the end of the fillet. With a smaller gap, extended seams were up to 2e-6 mm off the other
-patch, because the wall's edge has another parameter."""
+"""Wanted gap (mm) at the end of the fillet. With a smaller gap, extended seams were up to 2e-6 mm away from the patch
+on their other side, because the parameter of the wall's edge is not the patch's."""
 
 POLE_OFFSET = 1e-5
 """Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face. Extended seams were up to
-1.4e-5 mm off the face; the movement gives them a tolerance of 4e-5 mm."""
+1.4e-5 mm away from the face; after the movement OCCT gives them a tolerance of 4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
     """Extended seam, or the edge of a wall beside a corner where an extended seam ends. poles : (4, 6), mm.
-    on : by face (patches first, trimmed faces last), the curves as poles (2, k, 2) in its surfaces' parameters."""
+    on : for each face (patches first, then trimmed faces), poles (2, k, 2) in the parameters of its two surfaces."""
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return the poles (4, 6) of extended seams, by edge. A seam extends if no other seam ends at its filled corner."""
+    """Return the poles (4, 6) of extended seams, by edge number: only seams at corners where no other seam ends."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return, by edge, the extensions (2,) at start and end over the edge's length, and the extended poles (4, 6)."""
+    """Return, by edge number, the extensions (2,) at start and end / edge length, and the extended poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -121,7 +121,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return the extension of a seam, over its length, beyond which OCCT's extension is at most `TANGENT_GAP` off."""
+    """Return the least extension of a seam / its length; OCCT extends it further with gaps below `TANGENT_GAP`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -138,7 +138,7 @@ def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
     """Extend seams and their surfaces, except a seam that would leave one of its faces.
-    Return the model, the trimmed faces, and, by edge, the extended seams and the edges beside them."""
+    Return the model, the trimmed faces, and, by edge number, the extended seams and the walls' edges beside them."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -185,7 +185,7 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return, by patch, parameter boxes and places (2, 2, 2) to cover beside seams that continue a wall's edge."""
+    """Return, by patch beside a seam that continues a wall's edge, parameter boxes and ends (2, 2, 2) of curves."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -200,7 +200,7 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
-    wider = 1 / 100  # growth of a patch over the thickness; the seam that OCCT extends then lies on the patch
+    wider = 1 / 100  # growth of a patch / thickness; a seam that OCCT extends must lie on it
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
@@ -255,10 +255,10 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
     return np.stack(parts)
 
 
-CLEAR_EDGE = 1 / 7  # radius over the thickness of the largest fillet that ends before the nearest cut of a wall's edge
+CLEAR_EDGE = 1 / 7  # a wall's edge is not cut where a fillet ends, up to this radius / thickness
 
 LONGEST_SHARE = 4.0
-"""Largest length of an edge at a corner, divided by the thickness and by the tangent of half the turn (at most 1).
+"""Largest length of an edge at a corner, divided by the thickness and by the tangent of half the bend (at most 1).
 OCCT searches the end of a fillet with few samples of the edge. If the fillet takes less than 1.5 % of the edge, OCCT
 may find the edge's far end: fillets of 5 mm on 700 mm and of 2 mm on 180 mm failed."""
 
@@ -266,9 +266,9 @@ DENSE = np.linspace(0, 1, 129)  # parameters where an edge is compared with its 
 
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Order the walls around each outline and their edges, as OCCT needs for fillets.
-    An outline begins at the smoothest joint of two walls. If this joint is a corner, an edge of the first wall must end
-    at each of the wall's corners. So a single edge is cut in two, and the first edge is reversed."""
+    """Put the walls around each outline, and their edges, in the order that OCCT needs for fillets.
+    An outline begins at its smoothest joint of two walls. If this joint has an angle, the first wall needs an edge that
+    ends at each of its two corners: a single edge is cut in two, and the first edge is reversed."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -300,10 +300,10 @@ def _directed_walls(
 def _stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
-    """Return the shares of its length at which an edge with corners is cut.
+    """Return the places of cuts of an edge with corners, as fractions of its length.
     No gap to the trimmed face between a corner and its cut may be wider than the gaps at the corner and at the cut.
-    corners : tangents of half the turns at start and end, 0 without a corner.
-    ending  : True at a corner where the directed edge ends; there the cut is at most `LONGEST_SHARE` away."""
+    corners : tangents of half the bend at start and end, 0 without a corner.
+    ending  : True at a corner where the directed edge ends; the cut is then at most `LONGEST_SHARE` away."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
@@ -327,14 +327,14 @@ def _stops(
 
 
 class CutEdges:
-    """Edges of a model while they are cut or reversed. forwards : by old edge, the steps that replace it."""
+    """Edges of a model while they are cut or reversed. forwards : for each old edge, the steps that replace it."""
 
     def __init__(self, model: NetModel) -> None:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at `stops`, shares of its length in the direction `ahead`. against : reverse the first part."""
+        """Cut an edge at `stops`, fractions of its length towards `ahead`. against : True to reverse the first part."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()
@@ -351,7 +351,7 @@ class CutEdges:
         self.forwards[e] = along if ahead else backwards(along)
 
     def model(self, walls: Iterable[NetWall]) -> NetModel:
-        """Return the model with other walls."""
+        """Return the model with the cut edges and the given walls."""
         return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).with_loops(self.loop)
 
     def loop(self, loop: ChainLoop) -> ChainLoop:

@@ -13,7 +13,7 @@ from dsfab.export.splines import arc_lengths, polyline_length
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
-    """Move ends of chains, (chain, 0 or -1), to other points; between the ends, the movement changes linearly."""
+    """Move ends of chains to the points `moves[chain, end]`, with `end` 0 or -1; points between move in proportion."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     ends = {k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)] for k, _ in moves}
     if not ends:
@@ -39,7 +39,7 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
     """Remove walls shorter than `shortest` mm between the ends of two borders; both borders then end in one place.
-    With short walls, OCCT rounded only 4 of 12 edges at four feet of members."""
+    With short walls, OCCT failed to round most edges where members meet supports."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
@@ -53,7 +53,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
             continue
         three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
         turned = [turn_at(P[points]) for points in three]
-        first_gives_way = turned[0] < turned[1]  # the short wall joins the wall at its straighter end
+        first_gives_way = turned[0] < turned[1]  # the short wall joins the neighbour with the smaller bend
         joined_wall, border = (before[0], before[2]) if first_gives_way else (after[1], after[2])
         if joined_wall not in chains or chains[joined_wall].left == chain.left or border in moves:
             continue
@@ -72,15 +72,14 @@ def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int,
 
 
 def turn_at(three: Floats) -> float:
-    """Return the turn in degrees at the middle of three points (3, 3)."""
+    """Return the angle of the bend (degrees) at the middle of three points (3, 3); 0 on a straight line."""
     ways = np.diff(three, axis=0)
     long = max(float(np.prod(np.linalg.norm(ways, axis=1))), 1e-300)
     return float(np.degrees(np.arccos(np.clip(ways[0] @ ways[1] / long, -1, 1))))
 
 
 class _Arcs:
-    """Arcs of round corners that grow by short chains beyond the borders at their ends.
-    The member's wall follows such a chain, and no border ends between chain and wall."""
+    """Arcs of round corners. An arc is extended by the short wall that lies beyond the border at its end."""
 
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs
@@ -151,8 +150,8 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        # Largest length of a fillet's inner borders over its arc; the second value is for two members, whose walls
-        # contain a part of the arc. The ratio is 1.27 for a right angle, 1.65 for 60 degrees, and 3 for a square.
+        # Largest length of a fillet's inner borders divided by that of its arc; the second value is for two members.
+        # The ratio is 1.27 for a right angle, 1.65 for 60 degrees, and 3 for a square.
         detour, flat_detour = 2.2, 4.0
         if len(self.loops[region]) != 1:
             return
@@ -218,7 +217,7 @@ class _Fillets:
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
         """Return the region behind a fillet where both members cross; None if there is no such region."""
-        smaller = 0.6  # the border of the crossing is shorter than this share of the other region's border
+        smaller = 0.6  # the crossing's border must be shorter than this fraction of the other region's
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
         if len(inner) != 2 or neighbours[0] == neighbours[1]:
@@ -244,7 +243,7 @@ class _Fillets:
         return [k for k in self.at.get(point, []) if k in self.chains]
 
     def _divide_arc(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
-        """Divide an arc between the first and the last region behind it. halves : points of both parts."""
+        """Divide an arc: the first and the last region behind it get one part each. halves : points of both parts."""
         for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
             replacement: ChainLoop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None

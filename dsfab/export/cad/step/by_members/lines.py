@@ -43,7 +43,7 @@ class ChainLine:
         return pairs
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
-        """Divide the cubics until all poles lie in a box (2, 3), because CAD programs draw boxes around poles."""
+        """Divide the cubics until all poles lie in a box (2, 3): CAD programs compute bounding boxes of poles."""
         return self._divide(lambda a, b, P: bool(((P.reshape(8, 3) >= box[0]) & (P.reshape(8, 3) <= box[1])).all()))
 
     def with_halved_spans(self, spans: Bools) -> "ChainLine":
@@ -53,9 +53,9 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts them: at a chain's end near the middle, or otherwise in the middle."""
+        """Halve cubics until `may_stay` accepts them. The cut is at the end of a chain if one is near the middle."""
         shortest = 1 / 16  # shorter spans are not divided, because poles at the ends of lines may lie outside the box
-        middle_share = 1 / 4  # a chain's end counts as near the middle up to this share of the cubic
+        middle_share = 1 / 4  # an end of a chain is near the middle up to this fraction of the cubic
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -137,7 +137,7 @@ class NetLines:
 
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
-    """Move each end of a line that lies on another line onto that line."""
+    """If a line should end on another line, move its end onto that line."""
     points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
@@ -167,8 +167,8 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Return the points (6,) of inner nodes of lines, by node.
-    Inner nodes move with the ends of their line and may be ends of further lines, so they solve a linear system."""
+    """Return the points (6,) where chains of a line join, by node.
+    A line moves with its ends, which may be such points of other lines. So the points solve a linear system."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -203,9 +203,9 @@ def end_of(step: tuple[int, bool]) -> ChainEnd:
     return step[0], -1 if step[1] else 0
 
 
-CORNER_ANGLE = np.deg2rad(50.0)  # an outline has a corner where two chains meet with at least this turn (radians)
+CORNER_ANGLE = np.deg2rad(50.0)  # an outline has a corner where two chains meet with at least this bend (radians)
 
-BEND_ANGLE = np.deg2rad(10.0)  # an outline is round at a vertex with at least this turn (radians), see `ROUND_COSINE`
+BEND_ANGLE = np.deg2rad(10.0)  # an outline is round at a vertex with at least this bend (radians), see `ROUND_COSINE`
 
 
 class ArcsOnSkins:
@@ -231,7 +231,7 @@ def with_arcs(
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
     """Replace lines along round corners by arcs. tolerances : mm, by chain. rounded : chains of round corners."""
-    rounds = 4  # each refused arc changes the arcs beside it, which may then leave their chains
+    rounds = 4  # without a refused arc its neighbours change, and may be refused in the next round
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(rounds):
@@ -287,7 +287,7 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the arcs of round corners by chain. Where no direction is known, an arc has its chain's direction."""
+        """Return the arcs of round corners by chain. An end without a known tangent has its chain's direction."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -366,9 +366,9 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 
 
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
-    """Return the arc between two points (6,) with directions (6,); None if the arc would turn too far.
-    The arc is the cubic nearest to a circle; its inner poles are chord / (3 cos^2(turn/4)) away from its ends."""
-    widest = 80.0  # the direction at an end is at most 80 degrees off the chord
+    """Return the arc between two points (6,) with directions (6,); None if the arc would bend too much.
+    The arc is the cubic nearest to a circle; its inner poles are chord / (3 cos^2(bend / 4)) away from its ends."""
+    widest = 80.0  # degrees; largest angle between chord and direction
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))
     if min(float(direction @ chord) for direction in directions) < np.cos(np.deg2rad(widest)) * long:

@@ -65,7 +65,7 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Return the poles along loops of edges as bytes, which do not depend on the numbers of the edges."""
+        """Return the poles along loops of edges as bytes; other numbers of the same edges give the same bytes."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
@@ -216,7 +216,7 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # outline over mean width: 8 for a square, 9 for a row of two squares, 10.7 for a row of three
+    limit = 10.0  # outline / mean width: 8 for a square, 9 for a row of two squares, 10.7 for a row of three
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
@@ -226,7 +226,7 @@ def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
 class FilledCorner:
     """Corner that a fillet fills with material, and where one seam ends.
     seam, end : edge of the seam, and its end at the corner: 0 for the first, 1 for the last.
-    half      : tangent of half the turn.    beside : edges of the walls before and after the corner.
+    half      : tangent of half the bend angle.    beside : edges of the walls before and after the corner.
     straight  : edge of a wall that the seam continues, or None."""
 
     vertex: int
@@ -238,7 +238,7 @@ class FilledCorner:
 
 
 def corner_tangents(model: NetModel) -> dict[int, float]:
-    """Return the tangent of half the turn at each corner of an outline, by vertex."""
+    """Return the tangent of half the bend angle at each corner of an outline, by vertex."""
     return {vertex: half for vertex, (half, _, _) in _corners(model).items()}
 
 
@@ -277,8 +277,8 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Return the tangent of half the turn at a corner: length of a fillet over its radius; 0 for a smooth corner."""
-    smooth = np.cos(np.deg2rad(10.0))  # two walls that turn by at most 10 degrees need no fillet
+    """Return the tangent of half the bend angle at a corner: length of a fillet / radius; 0 for a smooth corner."""
+    smooth = np.cos(np.deg2rad(10.0))  # walls with a bend of at most 10 degrees need no fillet
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 
 

@@ -27,7 +27,7 @@ from dsfab.export.cad.step.by_members.regions import VOID, ChainLoop, ChainNet, 
 from dsfab.export.cad.step.shared.skins import LOOP_SHARE, OUTLINE_SHARE
 from dsfab.export.splines import bernstein, polyline_length
 
-REACH_SHARE = 3 / 4  # distance along a chain within which its direction is measured, as a share of the thickness
+REACH_SHARE = 3 / 4  # length of a chain on which its direction is measured, as a fraction of the thickness
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +53,8 @@ def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledCha
 
 
 def _corners(angle: Floats) -> Ints | None:
-    blunt_limit = 60.0  # largest turn (degrees) at nodes other than the four sharpest ones
-    straight_limit = 30.0  # a node with a smaller turn (degrees) is not a corner
+    blunt_limit = 60.0  # largest bend (degrees) at nodes other than the four sharpest ones
+    straight_limit = 30.0  # a node with a smaller bend (degrees) is not a corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)
     if len(corners) > 4:
@@ -79,7 +79,7 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) their ends over the side's length."""
+    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) their ends along the side, from 0 to 1."""
 
     parts: list[LinePart]
     at: Floats
@@ -145,7 +145,7 @@ class SideStations:
         return first_parts, self._parts_between(second_side, second_breaks, pairs[1])
 
     def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], cuts: Floats) -> list[LinePart]:
-        """Divide a side at shares (k,) of its length; shares where the side's lines have no break become stations."""
+        """Divide a side at fractions (k,) of its length. Fractions where the side has no break become stations."""
         ends, parts = np.concatenate([[0.0], cuts, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
@@ -156,7 +156,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # a station of the line is used again within this share of the distance to the next stations
+        snap_share = 0.15  # an existing station is used if it is closer than this fraction of the stations' distance
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -171,9 +171,9 @@ class SideStations:
 
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
-    """Pair the stations of two opposite sides; return their positions as ascending shares (k,) of each side's length.
-    Near stations form pairs. A station without a partner gets one by interpolation between its neighbours."""
-    tolerance = 0.1  # paired stations differ by at most this share of a side
+    """Pair the stations of two opposite sides; return them as ascending fractions (k,) of the length of each side.
+    Neighbouring stations form pairs. A station without a partner gets a new one, interpolated between pairs."""
+    tolerance = 0.1  # paired stations differ by at most this fraction of a side
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares
     pairs = [(0.0, 0.0), (1.0, 1.0)]
@@ -193,8 +193,8 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Share of the mesh's chord error in the tolerance of lines. With 1/2, as for walls of smooth solids, a torus was
-3.8 mm off where 3.4 are allowed, because the curves later move onto skins that wave."""
+"""Fraction of the mesh's chord error in the tolerance of lines. With 1/2, as for walls of smooth solids, a torus was
+3.8 mm away from its mesh where 3.4 mm are allowed, because the curves later move onto wavy skins."""
 
 
 class LineFits:
@@ -227,7 +227,7 @@ class LineFits:
                 else:
                     todo += _halves(line.steps, turns)
         fair = with_ends_on_lines(NetLines(net, self._on_skins(accepted)))
-        # arcs come last, because an arc bulges away from the material between the sides of an opening
+        # arcs come last, because their bulges must not change the other lines
         return with_twins(with_arcs(fair, chains, arced, rounded, self.arcs))
 
     def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[ChainLoop]) -> list[ChainLine]:
@@ -244,14 +244,14 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return True for lines of one chain, and for lines near their chains with fewer spans than separate fits."""
+        """Return True for lines of one chain, and for lines near their chains with fewer spans than these alone."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
         return [len(x.steps) == 1 or fewer.get(id(x), len(x.curve.spans) == 1 and self._is_near(net, x)) for x in lines]
 
     def _is_near(self, net: ChainNet, line: ChainLine) -> bool:
-        least_distance = 0.1  # ends of chains are at least this share of a span away from breaks
+        least_distance = 0.1  # ends of chains are at least this fraction of a span away from breaks
         nodes, breaks = line.at[1:-1], line.curve.breaks
         if not len(nodes) or line.curve.off > self._tolerance(line.steps) or len(set(ends_of(net, line))) == 1:
             return False
@@ -268,8 +268,8 @@ class LineFits:
         return [self.pulled[id(line)][1] for line in lines]
 
     def _halve_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
-        """Halve the cubics that leave the skins between the places that `on_skins` moves onto the skins.
-        Without this step, a patch was 1.5 mm off a mesh point, where 1.49 are allowed."""
+        """Halve the cubics that leave the skins after `on_skins`, which moves only some of their points onto the skins.
+        Without this step, a patch was 1.5 mm away from a mesh point, where 1.49 mm are allowed."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
@@ -283,7 +283,7 @@ class LineFits:
 
 
 def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
-    """Return the tolerance (mm) of each chain; around narrow openings, at most a share of the opening's width."""
+    """Return the tolerance (mm) of each chain; around narrow openings it is at most a fraction of their width."""
     tolerances = {k: OUTLINE_SHARE * distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
     after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
     while after:
@@ -305,7 +305,7 @@ def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]
 
 
 Turn = Callable[[ChainEnd, ChainEnd], float]
-"""Function that returns the turn (degrees) of a line from one end of a chain to the end of the next chain."""
+"""Function that returns the bend (degrees) of a line between the end of one chain and the end of the next chain."""
 
 
 def _turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:
@@ -317,7 +317,7 @@ def _turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd,
 def _links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
     """Pair the ends of chains where one line continues: between chains of a region's side, and along smooth outlines.
     An arc may continue an outline, but not a border between members."""
-    smooth = 10.0  # two chains of an outline become one line if the outline turns by at most 10 degrees
+    smooth = 10.0  # two chains of an outline become one line if the bend between them is at most 10 degrees
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:
         for side in quad.sides:

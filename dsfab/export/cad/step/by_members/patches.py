@@ -61,7 +61,7 @@ def differences(count: int) -> Floats:
 
 
 PLACES = (np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=2).reshape(-1, 2) + 0.5) / 24
-"""(k, 2) sample parameters of a surface. With 12 along a side, a bulge of 1.6 mm in a corner of 40 mm was missed."""
+"""(k, 2) sample parameters of a surface. With 12 a side instead of 24, a bulge of 1.6 mm in a corner was missed."""
 
 ROWS = rows_at(PLACES)
 
@@ -72,7 +72,7 @@ class FaceLimits:
     gap : largest gap between trimmed faces and their edges.
     off : largest distance of a face from the points that it is fitted to, inside its edges.
     box : (2, 3) box that must hold the poles.
-    beyond_mesh : function of points (k, 3): excess (k,) over the allowed distance from the mesh; None: no limit."""
+    beyond_mesh : function of points (k, 3): distance from the mesh minus the allowed one (k,); None: no limit."""
 
     gap: float
     off: float
@@ -85,7 +85,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return the largest excess of surfaces inside outlines (., 3) over the distance allowed from the mesh, or -inf."""
+    """Return by how much surfaces inside outlines (., 3) exceed the allowed distance from the mesh, or -inf."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -160,7 +160,7 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Return the smallest Jacobian of a patch over its largest, for the worst of patches (..., 4, 4, 3).
+    """Return the smallest Jacobian of a patch divided by its largest; the minimum of all patches (..., 4, 4, 3).
     The Jacobian is the component of the surface's normal vector along the patch's mean normal."""
     P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
     B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
@@ -214,8 +214,8 @@ def _starts(parts: Sequence[Floats]) -> Ints:
 
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """(k,) largest excess of each region's patches over the distance allowed from the mesh; -inf without a limit.
-    Beside a crease, the middle of a patch lay on the skins, but its side was 1.4 mm off the mesh (1.1 are allowed)."""
+    """(k,) by how much the patches of each region exceed the allowed distance from the mesh; -inf without a limit.
+    Beside a crease, the middle of a patch lay on the skins, but its side was 1.4 mm from the mesh (1.1 are allowed)."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))

@@ -62,7 +62,7 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
 
 
 def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
-    """Return the positions of two long walls, not adjacent, in a region's only loop; None without such walls."""
+    """Return the positions in a region's loop of two long walls that are not adjacent; None without such walls."""
     long = 1.5  # both walls of a member are at least 1.5 times as long as the distance between them
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
@@ -78,7 +78,7 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def _narrow(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if the chord of a row of chains cuts off a narrow piece of the region, or runs outside the region."""
+    """Return True if a line between the ends of a row of chains cuts off a narrow piece, or runs outside the region."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 
@@ -88,7 +88,7 @@ def _points(net: ChainNet, loop: ChainLoop) -> Ints:
 
 
 LEAST_COSINE = 0.75
-"""Smallest cosine between the normals of a region and their mean. With 0.35, a few faces were 2 mm off their edges."""
+"""Smallest cosine between the normals of a region and their mean. With 0.35, some faces were 2 mm from their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
@@ -135,26 +135,26 @@ class _BendSeams:
         return float((N @ mean).min() / max(np.linalg.norm(mean), 1e-300))
 
     def is_stout(self, region: int) -> bool:
-        stout_limit = 32.0  # the squared outline over the area is 16 for a square, 29 for a row of five squares
+        stout_limit = 32.0  # outline^2 / area: 16 for a square, 29 for a row of five squares
         area = np.linalg.norm(self.N[self.net.cell == region], axis=1).sum() / 2
         outline = sum(self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0])
         return bool(outline**2 < stout_limit * area)
 
     def _normal_spread(self, cells: Ints) -> float:
-        """Return the total area of cells minus the length of their area vector; 0 for a flat region."""
+        """Return a measure of bending: the total area of cells minus the length of their area vector."""
         N = self.N[cells]
         return float(np.linalg.norm(N, axis=1).sum() - np.linalg.norm(N.sum(axis=0)))
 
     def divide(self, region: int) -> int:
-        """Divide a region; return the number of the new region, or -1 if no seam makes the bend small enough."""
+        """Divide a region; return the number of the new region, or -1 if no seam reduces the bending enough."""
         seam = self._seam(region)
         if seam is None and self._halve_chains(region):
             seam = self._seam(region)
         return -1 if seam is None else self._with_seam(region, *seam)
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
-        most_left = 0.8  # largest cost after the division: remaining bend plus seam; the cost before is 1
-        seam_cost = 0.1  # a seam as long as the root of the region's area costs 0.1
+        most_left = 0.8  # largest cost after the division: remaining bending plus seam; the cost before is 1
+        seam_cost = 0.1  # cost of a seam whose length is the square root of the region's area
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
         whole_spread, size = self._normal_spread(cells), np.sqrt(np.linalg.norm(self.N[cells], axis=1).sum())

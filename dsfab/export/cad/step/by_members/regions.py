@@ -12,11 +12,11 @@ from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.part import StripedSheet
 from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, next_half_edge
 
-CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest turn of an outline that counts as a corner
+CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest bend of an outline that is a corner
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
-"""Cosine of the smallest turn at a vertex of a round corner. Nodes mark the ends of round corners. Turns are seen
-along the sheet's normal, because an outline also turns where a coarse mesh bends."""
+"""Cosine of the smallest bend at a vertex of a round corner. Nodes mark the ends of round corners. Bends are measured
+in the plane of the sheet, because an outline also follows the bends of a coarse mesh."""
 
 VOID = -1  # number in place of a region, for the space beyond an outline
 ChainLoop = list[tuple[int, bool]]  # chains in order; True means that the loop runs along the chain, False against it
@@ -50,7 +50,7 @@ class ChainNet:
     weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
     loops   : by region, with the region on the left.    loose : regions outside of all stripes.
     cell    : (m,) region of each cell of the sheet.
-    parent  : by region that was cut off another region, the other region, which keeps the cells of both.
+    parent  : for each region that was cut off another region, the other's number, which `cell` has for both.
     twins   : pairs of points on both sides of a seam, see `StripedSheet`."""
 
     weights: csr_array
@@ -103,7 +103,7 @@ def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, in
 
 
 def turns(before: Floats, after: Floats, N: Floats) -> Floats:
-    """(k,) cosines of the angles between directions (k, 3), seen along normals N (k, 3) of any length."""
+    """Return (k,) cosines of the angles between directions (k, 3), projected along normals N (k, 3) of any length."""
     flat_before, flat_after = (
         direction - N * (np.einsum("ki,ki->k", direction, N) / np.einsum("ki,ki->k", N, N))[:, None]
         for direction in (before, after)
@@ -117,7 +117,7 @@ def _regions(
 ) -> tuple[Ints, frozenset[int]]:
     """Return the connected region (m,) of each cell, and the numbers of regions outside of all stripes.
     apart : (i,) True for pairs of neighbours with a crease between them."""
-    sliver = 1 / 4  # a region joins a neighbour if the root of its area is below this share of the thickness
+    sliver = 1 / 4  # a region with a smaller square root of its area / thickness joins a neighbour
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])
@@ -158,7 +158,7 @@ class _BorderWalk:
         once = h[(self.twin[h] < 0) | (h < self.twin[h])]
         ends = np.concatenate([self.start[once], self.end[once]])
         pair = np.minimum(self.left[once], self.right[once]) * (self.region.max() + 2) + self.left[once]
-        pair = pair + self.right[once]  # both directions of a chain give the same number
+        pair = pair + self.right[once]  # one number for the regions on both sides
         low, high = np.full(n, np.inf), np.full(n, -np.inf)
         np.minimum.at(low, ends, np.tile(pair, 2))
         np.maximum.at(high, ends, np.tile(pair, 2))
@@ -182,7 +182,7 @@ class _BorderWalk:
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
         """Return the (k,) border half-edges where a round corner of the outline begins or ends.
-        bent, void : (k,) True for half-edges where the outline turns, and for half-edges of the outline."""
+        bent, void : (k,) True for half-edges where the outline bends, and for half-edges of the outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]
@@ -322,11 +322,11 @@ def vector_area(line: Floats) -> Floats:
 
 
 INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-"""Barycentric points in each cell that hold a trimmed face near the skins; with only the centre, a face may wave."""
+"""Barycentric points of each cell near which a trimmed face must pass. With only the centre, the face may be wavy."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""Extra points in cells longer than the thickness. In triangles of 180 mm in a sheet of 100 mm, a surface of degree
-9 waved by 6 mm between four points."""
+"""Extra points in cells longer than the thickness. In triangles of 180 mm in a sheet of 100 mm, a surface of degree 9
+had waves of 6 mm between four points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,7 +339,7 @@ class RegionInterior:
     fine: bool = False
 
     def points(self, net: ChainNet, regions: Sequence[int]) -> dict[int, Floats]:
-        """Return for each region (k, 6) points of the skins over its cells."""
+        """Return for each region (k, 6) points of the skins in its cells."""
         if not regions:
             return {}
         cells = [np.flatnonzero(net.cell == net.parent.get(region, region)) for region in regions]
@@ -359,7 +359,7 @@ class RegionInterior:
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
         """Return (m,) True for cells with a side longer than the thickness, or long beside their region's size (m,)."""
-        # With points only every 50 mm, a surface of degree 9 waved by 4 mm in a notched region of 200 mm.
+        # With points only every 50 mm, a surface of degree 9 had waves of 4 mm in a notched region of 200 mm.
         region_share = 1 / 6
         P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)

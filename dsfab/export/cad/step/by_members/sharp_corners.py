@@ -1,4 +1,4 @@
-"""Sharp corners for fillets: trimmed faces move onto their edges there, or the rims of openings move onto the faces."""
+"""Sharp corners for fillets: there trimmed faces move onto their edges, or edges of walls move onto the faces."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Changes that move pieces of rims onto a face: numbers of the pieces; new edges and vertices (6,), by number."""
+    """Changes that move pieces of walls' edges onto a face: their numbers; new edges and vertices (6,), by number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -24,8 +24,8 @@ class MovedRim:
 
 
 class Rims:
-    """Rim edges of a model that can move onto the faces beside them.
-    pieces : rim edges at sharp corners.    ends : numbers of the edges that end at each vertex."""
+    """Edges of walls (rims) in a model that can move onto the faces beside them.
+    pieces : rims at sharp corners.    ends : numbers of the edges that end at each vertex."""
 
     def __init__(self, model: NetModel, pieces: Collection[int]) -> None:
         self.model, self.edges, self.vertices = model, list(model.edges), list(model.vertices)
@@ -38,7 +38,7 @@ class Rims:
         self.moved = set[int]()
 
     def pieces_around(self, face: TrimmedFace) -> set[int]:
-        """Rim pieces along the outline of a face."""
+        """Rims at sharp corners along the outline of a face."""
         return self.pieces & _edges_of_face(face)
 
     def seams(self, face: TrimmedFace, curves: Mapping[int, Floats]) -> dict[int, Floats]:
@@ -47,8 +47,8 @@ class Rims:
         return {e: poles for e, poles in curves.items() if e in around and e not in self.rims}
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
-        """Return the changes that move the rim pieces around a face onto the face; None without such pieces.
-        on_seams : True if the face runs through the seams at corners; then rim pieces there can move, too."""
+        """Return the changes that move the rims at sharp corners of a face onto the face; None without such rims.
+        on_seams : True if the face contains the seams at its corners; then rims that meet these can move, too."""
         nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # heights at 4 places determine a cubic
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -91,27 +91,27 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
     return {e for loop in face.loops for e, _ in loop}
 
 
-FILLET_SHARE = 1 / 6  # radius over the thickness of the largest fillet that needs an edge exactly on the surface
+FILLET_SHARE = 1 / 6  # radius / thickness of the largest fillet that needs an edge exactly on the surface
 
 INNER_SHARE = 6 / 7
-"""Smallest radius of a fillet on the inner skin over the radius outside. Around one opening the inner edge is a
-quarter shorter, and fillets of 2 mm in a sheet of 16 mm took more than the whole edge."""
+"""Smallest radius of a fillet on the inner skin, as a fraction of the outer radius. Around one opening the inner edge
+was a quarter shorter, and fillets of 2 mm in a sheet of 16 mm needed more than the whole edge."""
 
 TEST_PLACES = np.linspace(0, 1, 33)  # parameters where an edge is compared with a surface, or cut
 
 FLUSH_TOLERANCE = 1e-6
-"""Largest distance (mm) of a held edge from its surface. With 5e-7 all corners of a dome already take fillets."""
+"""Largest distance (mm) of an edge at a sharp corner from its surface. With 5e-7 OCCT makes all fillets of a dome."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
 """Basis at places where a surface must not move; without these places a surface of a sphere of 2 m moved by 1.4 mm."""
 
-MOVED = 1 / 400  # largest movement of the inside of a face, as a share of the thickness
+MOVED = 1 / 400  # largest movement of the inside of a face, as a fraction of the thickness
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Cut edges at sharp corners beside trimmed faces, and put these faces exactly onto the cut parts.
-    If no degree fits within `SPLIT`, or the inside of a face moves by more than `MOVED`, the face stays. Its rims then
-    move onto the face, if they move by at most `SPLIT`."""
+    """Cut edges at sharp corners beside trimmed faces, and move these faces exactly onto the parts at the corners.
+    If this fails within the limits `SPLIT` and `MOVED`, the face stays. The edges of its walls then move onto the face,
+    by at most `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -150,7 +150,7 @@ def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, F
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """Return a face after its rims moved onto it; None if a rim moves, or is off an edge, by more than `SPLIT`."""
+    """Return a face after rims moved onto it; None if a movement or a gap at the edges would exceed `SPLIT`."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:
@@ -169,9 +169,9 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return the shares at which an edge is cut, beyond the fillets at its ends.
+    """Return the places of cuts of an edge, beyond the fillets at its ends, as fractions of its length.
     halves : length of the fillet at each end, divided by its radius."""
-    shortest_cut = 0.1  # a cut part is longer than this share of the edge
+    shortest_cut = 0.1  # a cut part is longer than this fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
     for end, half in enumerate(halves):
@@ -187,7 +187,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
 
 
 def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Floats]) -> TrimmedFace:
-    """Return a face that runs exactly through the poles (4, 6) in `held_curves`; the old face if that fails."""
+    """Return a face that contains the curves with poles (4, 6) in `held_curves`; the old face if that fails."""
     curves = [held_curves[e] for e in sorted({e for loop in face.loops for e, _ in loop} & held_curves.keys())]
     if not curves:
         return face
@@ -208,15 +208,15 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
     """Return the poles of a surface through the first of four groups of points (k, 3); None if that fails.
-    The surface must be within `FLUSH_TOLERANCE` of the second group, and within `SPLIT` of the third, on all edges. At
-    the fourth group, inside, the surface must be within `largest_move` of the old surface."""
+    The second and third group test the surface, within `FLUSH_TOLERANCE` and on all edges within `SPLIT`. The fourth
+    group lies inside; there the surface moves by at most `largest_move`."""
     # The search ends if a residual is above 20 times its limit after three degrees. Of 502 faces that succeeded later,
     # the worst residual was 10.3 times its limit. Without this rule, faces without a solution took 9/10 of the time.
     hopeless = 20.0
     more_degrees = 6  # the degree of a surface rises by at most 6
-    exact = 5e-8  # OCCT ignores gaps below 1e-7 mm; rounded poles use the other half
+    exact = 5e-8  # half of the gap that OCCT ignores; rounding of poles needs the other half
     # Weights of the old surface and of a smooth movement, in two trials. With the first pair, faces with three corners
-    # of openings were 0.07 to 0.3 mm off other edges, more than `SPLIT`; with the second pair 0.02 mm.
+    # of openings were 0.07 to 0.3 mm away from other edges, more than `SPLIT`; with the second pair 0.02 mm.
     weights = (1.0, 1e-2), (0.1, 1e-4)
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
@@ -243,9 +243,9 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return the movement (k,) of pole heights that puts the surface onto the first group of points, near the third.
-    rows : basis (., k) at each group.    distances : of each group from the surface."""
-    held_weight, move_weight = 1e6, 1e-4  # weights: first group, and movement; the third group has weight 1
+    """Return the movements (k,) of pole heights that put a surface onto the first group of points and near the third.
+    rows : for each group, the basis (., k).    distances : for each group, its distances from the surface."""
+    held_weight, move_weight = 1e6, 1e-4  # weights of the first group and of the movement; the third group has 1
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])

@@ -57,16 +57,16 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two of the directions `ways` (k, 2), right-handed, whose parallelogram leaves the box least.
+        """Choose two of the directions (k, 2), right-handed. Their parallelogram must extend least beyond the box.
         The parallelogram's corners are at the heights of a quadratic surface through all points."""
-        least_sine = 1 / 4  # surfaces over flatter parallelograms are folded where they bend
+        least_sine = 1 / 4  # with smaller angles of the parallelogram, surfaces are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
         ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # closed edges have no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         leftwards = places_in_plane @ turned
-        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) distances to the left of each way
+        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) extent to the left of each direction
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
         i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
@@ -96,18 +96,18 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 
 SPLIT = 0.045
-"""Widest gap (mm) at an edge that a cut can split. OCCT measures the gap at 23 points of an edge; if the gap is
-wider at the points of half the edge, the half is invalid. OCCT's cuts set a new tolerance of at most 0.05 mm
+"""Widest gap (mm) at an edge that OCCT may cut. OCCT measures the gap at 23 points of an edge. A cut part has other
+points, and is invalid if the gap is wider there. OCCT's cuts set a new tolerance of at most 0.05 mm
 (`BOPAlgo_Builder::PostTreat`). All failed cuts of a pavilion crossed wider gaps."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points if inner points weigh 1; the second weight is for gaps that stay open with the first. With
-30 instead of 100, one cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by
-100 mm."""
+"""Weights of edge points if inner points weigh 1; the second weight is for gaps that stay open with the first. With 30
+instead of 100, the volume after one of eight cuts through a vault was wrong by 1.1e-5. Without inner points faces
+bulged by 100 mm."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of second differences of the movement of poles, which hold poles far from all points. With only the
-second weight, poles of a torus of 2.5 m were up to 0.35 m off, and OCCT's box was also wrong."""
+"""Weights of second differences of the movement of poles; they keep poles in place that are far from all points. With
+only the second weight, poles of a torus of 2.5 m were wrong by up to 0.35 m, and so was OCCT's bounding box."""
 
 BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
@@ -118,13 +118,13 @@ FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
     *((EDGE_WEIGHTS[1], SMOOTH_WEIGHTS[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
-"""Further trials, which end when a cut can split the edges."""
+"""Further trials. They end when the gap is below `SPLIT`."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
 """Axes (t, 2, 2) of the rectangles around a region from which the smallest is chosen."""
 
 HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Parameters where a surface is held at an edge; between these places the surface is off by less than 5e-8 mm."""
+"""Parameters where a surface is fitted to an edge; between them the distance from the edge is below 5e-8 mm."""
 
 LEAST_NORMAL_COSINE = 0.35  # smallest cosine between the normal of the mean plane and the normals of a region
 
@@ -193,14 +193,14 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 def inside_of(line: Floats) -> Floats:
     """Return (k, d) points inside an outline (n, d) at which the movement of a surface is measured."""
-    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # from the middle to the line
+    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # fractions from the middle to the line
     return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
 def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
-    """Return (k, 6) points along a loop, denser at the ends of edges because a surface leaves the edges there first."""
+    """Return (k, 6) points along a loop, denser at the ends of edges, where gaps to the surface are widest."""
     # With 8 steps along an edge of 2.8 m the gap seemed to be 0.01 mm, but between two steps it was 0.12 mm.
-    fewest, step_share = 12, 1 / 160  # smallest number of steps along an edge, and usual step over the loop's length
+    fewest, step_share = 12, 1 / 160  # smallest number of steps along an edge, and usual step / length of the loop
     poles = [model.poles(step) for step in loop]
     long = np.array([polyline_length(P[:, :3]) for P in poles])
     steps = np.maximum(fewest, np.ceil(long / (step_share * max(long.sum(), 1e-300)))).astype(int)
@@ -240,8 +240,8 @@ def _surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
     """Fit a surface; return poles, axes, the gap at the edges, and the distance from inner points. ways : chords.
-    The surface lies over a rectangle. If its poles leave the box, it lies over the parallelogram along two chords that
-    leaves the box least, because CAD programs compute boxes from poles."""
+    The surface covers a rectangle in its mean plane. If its poles leave the box, it covers a parallelogram along two
+    chords instead, because CAD programs compute bounding boxes from poles."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -271,7 +271,7 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """Return the distances (k,) in mm of a closed line (k, 6) from a surface fitted to it and to inner points (j, 6).
-    The larger distance of both skins counts; it is infinite if the region overlaps in its mean plane."""
+    Each is the larger of both skins, and infinite if the region overlaps in its mean plane."""
     return np.maximum(*misfits(points, line, degree))
 
 
@@ -295,9 +295,9 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
-    """Turn axes (3, 3) about the last axis if the rectangle around a line (k, 3) becomes far smaller.
+    """Rotate axes (3, 3) about the last axis if this makes the rectangle around a line (k, 3) much smaller.
     A smaller rectangle has fewer poles without points."""
-    least_gain = 3 / 4  # axes turn only if the area falls below this share, because the new corners leave the box
+    least_gain = 3 / 4  # axes rotate only if the area falls below this fraction
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))
@@ -311,9 +311,9 @@ def _base_poles(over: FaceDomain) -> Floats:
 
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Return heights of poles over a domain, and the distances of the surface from edges and inner points.
-    Low degrees come first, because high degrees wave between points. If no trial reaches `limits.gap`, the trial with
-    a gap up to `SPLIT` and the smallest distance from inner points wins. If there is none, the smallest sum of both
-    distances wins."""
+    Low degrees are tried first, because high degrees have waves between points. If no trial reaches `limits.gap`, the
+    best has a gap up to `SPLIT` and the smallest distance from inner points. If there is none, the best has the
+    smallest sum of both distances."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):

@@ -34,10 +34,10 @@ def without_strays(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
-    """Refit faces that are too far off the skins between their points, with more points.
+    """Fit faces again, with more points, if they are too far from the skins between their points.
     points : (k, 6) that each face was fitted to.    away : function of points; returns the vectors to both skins.
     Faces stay unchanged if the distance from the mesh is limited, because `divided_faces` then divides them."""
-    rounds = 2  # a face that was corrected in one place may stray in another place
+    rounds = 2  # a correction in one place may move the face off the skins in another
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
         if not todo:
@@ -92,7 +92,7 @@ def _with_peaks(
 ) -> TrimmedFace:
     """Return a face whose widest gaps lie at OCCT's samples, if possible.
     exact_poles : by edge, poles of the curve on which an exact face must stay."""
-    fine = 5e-4  # below this gap (mm) poles keep all digits, because rounding would move the peak
+    fine = 5e-4  # below this gap (mm) poles keep all digits, because rounding would move the widest gap
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
@@ -141,9 +141,9 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Return, for each round, heights of poles and the number of seams with misplaced gaps. exact_gap : mm."""
-        rounds = 6  # peaks move in at most 6 rounds
-        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of peaks, second differences, moves; edge points weigh 1
+        """Return, for each round, heights of poles and the number of seams whose widest gap is not at a sample."""
+        rounds = 6  # widest gaps move in at most 6 rounds
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of widest gaps, second differences, moves; edge points weigh 1
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -182,7 +182,7 @@ class _PeakSurface:
         return rows_at(self._places(self.seams + ways[:, None, None]))
 
     def _seam_rows(self, degree: int) -> Floats:
-        """(3, e, k, poles) basis at points of seams, and one step beside these points along each axis."""
+        """(3, e, k, poles) basis at points of seams, and at points a small step from these along each axis."""
         return self._step_rows(degree).reshape(3, *self.seams.shape[:2], -1)
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
@@ -193,7 +193,7 @@ class _PeakSurface:
     def _misplaced(self, gaps: Floats) -> Bools:
         """Return (e,) True if the widest gap of a seam lies between two of OCCT's samples."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # the widest gap may exceed the widest sample by this share; OCCT allows 1e-5
+        short = 3e-6  # the widest gap may exceed the widest sample by this fraction; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         return np.asarray((sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT))
@@ -208,16 +208,16 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the sample nearest to the widest of gaps (k,), and the wanted gap there; 0 means any gap."""
-    higher = 1.003  # the moved peak is made higher, because another peak may be as high
+    """Return the sample nearest to the widest of gaps (k,), and the gap wanted there; 0 for any gap."""
+    higher = 1.003  # in a second round, the moved gap must become the widest
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
     """Return equations for the gaps at samples: rows (j, poles) and right sides (j,).
-    Inside a seam, the slope of the gap must be zero at the sample."""
-    slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # five consecutive gaps give the slope in the middle
+    Inside a seam, the derivative of the gap along the seam must be zero at the sample."""
+    slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative from five consecutive gaps
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():
         if 0 < k < gaps.shape[1] - 1:

@@ -33,7 +33,7 @@ POINTS = 8  # number of points of the outline along half an edge
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
-    """Outline of a region, with its edges halved. A place is the index of a half edge, and means its start.
+    """Outline of a region, with its edges halved. A place is the start of a half, and has the number of this half.
     poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop."""
 
     poles: Floats
@@ -53,16 +53,16 @@ class HalvedOutline:
         return np.asarray(bernstein(np.arange(POINTS) / POINTS) @ self.poles).reshape(-1, 6)
 
     def part(self, a: int, b: int, seam: Floats) -> Floats:
-        """Return the closed line (k, 6) from place a to place b, and back along a seam (c, 4, 6), given from a to b."""
+        """Return the closed line (k, 6) from place a to place b along the outline, and back along a seam (c, 4, 6)."""
         turned = np.roll(self.line, -a * POINTS, axis=0)[: (b - a) % len(self.poles) * POINTS]
         back = bernstein(1 - np.arange(2 * POINTS) / (2 * POINTS)) @ seam[::-1]
         return np.concatenate([turned, back.reshape(-1, 6)])
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
-        """Yield pairs of places, the smaller first, whose chord lies inside the outline and clear of it.
-        Chords at the `worst` places (k,) come first, then the others. Each group has at most `times * TRIED / 2`
-        pairs, and is sorted by length over the smaller area beside the chord."""
-        least_width = 1 / 20  # width of a part over the thickness; OCCT makes no triangles of a part of 1.6 x 0.2 mm
+        """Yield pairs of places, the smaller first, whose chord lies inside the outline and does not come close to it.
+        Chords at the `worst` places (k,) come first, then the others. Each group has at most `times * TRIED / 2` pairs.
+        They are sorted by the length of the chord divided by the smaller area beside it."""
+        least_width = 1 / 20  # width of a part / thickness; OCCT makes no triangles of a part of 1.6 x 0.2 mm
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
@@ -80,8 +80,8 @@ class HalvedOutline:
 
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
-    """Return True if the chord between points a and b (2,) of a closed line (k, 2) is clear of the line."""
-    clear = 0.3  # smallest distance of a chord's point from the outline, over its distance from the chord's nearer end
+    """Return True if the chord between points a and b (2,) of a closed line (k, 2) does not come close to the line."""
+    clear = 0.3  # smallest distance of a chord's point from the outline / from the chord's nearer end
     shares = np.linspace(0, 1, 17)[1:-1]
     P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
@@ -93,19 +93,19 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
 TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare seams
 
 TIMES = 3
-"""Largest multiple of the usual number of tried seams, used if parts still exceed a limit. The best of all tried
-seams then divides the face. In one opening the first usable seam led to six parts of a few mm, and two of these
-crossed in OCCT's triangles; the best seam led to four parts."""
+"""If parts still exceed a limit, up to this multiple of the usual number of seams is tried, and the best one divides
+the face. In one opening the first usable seam led to six parts of a few mm, and two of these crossed in OCCT's
+triangles; the best seam led to four parts."""
 
 OUT, OFF = 1 / 150, 2.0
-"""Limits for a face that stays whole: distance of poles outside the box over the box's diagonal, and distance of
-inner points over `limits.off`. One face had poles 320 mm outside of a mesh of 2.3 m, and OCCT's box grew; another face
-was 3.7 mm off inside where 0.8 are allowed."""
+"""Limits for a face that stays whole: distance of poles outside the box / diagonal of the box, and distance of inner
+points / `limits.off`. One face had poles 320 mm outside of a mesh of 2.3 m, and OCCT's bounding box grew; another face
+was 3.7 mm from inner points where 0.8 mm are allowed."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
-"""Numbers of cubics of a seam, and largest distance of the seam from the skins over `limits.off`. One cubic of 1.2
-m on a waving sheet was 6.7 mm off, and so were the faces. If the distance from the mesh is limited, a seam has only
-one cubic, because OCCT drew no triangles of a face beside a longer seam."""
+"""Numbers of cubics of a seam, and largest distance of the seam from the skins / `limits.off`. One cubic of 1.2 m on a
+wavy sheet was 6.7 mm from the skins, and so were the faces. If the distance from the mesh is limited, a seam has only
+one cubic, because OCCT made no triangles of a face beside a longer seam."""
 
 
 def divided_faces(
@@ -126,10 +126,10 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest of a face's gap, inner distance, and distance from box or mesh, each over its limit."""
+    """Return the largest ratio of value to limit for a face: its gap, inner distance, and distance from box or mesh."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
-    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles are off by the deflection
+    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles add their own distance
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
@@ -173,8 +173,8 @@ class _FaceDivision:
 
     def _divide_in_two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
         """Divide a face by the first seam that makes both parts better, or by the best of many seams."""
-        less = 0.9  # largest `allowance_used` of the worse part over that of the whole face
-        loop, model = self.over_halves(face.loops[0]), self.model  # another division may have halved a seam
+        less = 0.9  # largest `allowance_used` of the worse part / that of the whole face
+        loop, model = self.over_halves(face.loops[0]), self.model  # an earlier division may have halved an edge
         best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
         for ends, cubics in self._seams(HalvedOutline.from_loop(model, loop), points):

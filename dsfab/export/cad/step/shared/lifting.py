@@ -13,9 +13,9 @@ from dsfab.export.cad.step.shared.skins import DenseSurface, dense_surface
 from dsfab.export.part import Curved
 from dsfab.surface import CREASE, Surface, corner_fans, link_components
 
-LEAST_BEND = 8.0  # smallest angle (degrees) between faces along a crease; at one edge it must reach `CREASE`
+LEAST_BEND = 8.0  # smallest angle (degrees) between faces along a crease; one edge of it needs `CREASE`
 BEND_RATIO = 4.0  # smallest ratio of the bend of a crease to the bend of the edges beside the crease
-STRAIGHT = np.cos(np.radians(30.0))  # cosine of the largest turn from the end of a crease to the edge that continues it
+STRAIGHT = np.cos(np.radians(30.0))  # cosine of the largest angle between a crease and the edge that continues it
 OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]  # the two other edges of a face, for each of its three edges
 
 
@@ -46,8 +46,8 @@ def crease_edges(surface: Surface) -> Bools:
 
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
-    """Extend creases straight from their ends; return (e,) True for their edges.
-    Edges are compared with the flatter of the two other edges of a face, because the sharper edge may be a crease."""
+    """Extend creases straight from their ends; return (e,) True for their edges. An edge of an extension must bend far
+    more than another edge of its face: the one with the smaller bend, because the third edge may belong to a crease."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
@@ -105,7 +105,7 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Return barycentric weights (k, n) as weights (k, s) of the columns, for each of the two sides of a crease."""
+        """Return barycentric weights (k, n) as two matrices (k, s) for the columns: one for each side of a crease."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -246,8 +246,8 @@ class Lifting:
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Replace points between two faces beside a crease by the nearest places in a face.
-        Otherwise the side of such points is unknown; they were up to 1.4 mm off the rest of their chain."""
+        """Replace points between two faces beside a crease by the nearest points in a face. Without this step their
+        side of the crease is unknown, and they were up to 1.4 mm away from the rest of a chain."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights
@@ -257,7 +257,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        most_lift = 1 / 5  # largest lift from the mesh over the thickness; chord errors have the limit `MOST_CHORD`
+        most_lift = 1 / 5  # largest lift from the mesh / thickness; chord errors have the limit `MOST_CHORD`
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
@@ -273,7 +273,7 @@ class Lifting:
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def vectors_to_skins(self, Q: Floats) -> Floats:
-        """Return (k, 6) vectors across the sheet from points (k, 6) to the skins near their middles."""
+        """Return (k, 6) vectors across the sheet from point pairs (k, 6) to both skins, at the middle of each pair."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
         is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # beyond a seam both skins are exchanged

@@ -21,7 +21,7 @@ from dsfab.surface.topology import corners_of
 
 
 class MeshDistances(NamedTuple):
-    """Distances of a solid from the mesh, or back. most : the largest distance.    bad : places above their limit.
+    """Distances from solid to mesh, or from mesh to solid. most : the largest.    bad : places above the limit.
     worst, allowed : the distance that exceeds its limit most, and this limit."""
 
     most: float
@@ -98,7 +98,7 @@ class PieceJudge:
 
     @cached_property
     def excess_volumes(self) -> Floats:
-        """(p,) share by which each piece may have more volume than the mesh, which cuts curves short."""
+        """(p,) fraction by which each piece may have more volume than the mesh, whose edges are chords of a curve."""
         sheet = self.sheet
         upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the search is twice as fast from points on a skin
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
@@ -114,18 +114,18 @@ class PieceJudge:
         return self.farthest(V, F, part.V, part.F), self.farthest(part.V, part.F, V, F)
 
     def excess_distances(self, points: Floats) -> Floats:
-        """(k,) excess of points (k, 3) over their allowed distance from the mesh; negative for near points."""
+        """(k,) distances of points (k, 3) from the mesh minus the allowed distances; negative for allowed points."""
         away = self.solids.distances(points)
-        is_far = away > self.limits.distance / 2  # near points need no local limit
+        is_far = away > self.limits.distance / 2  # only these need the local limit, which takes time
         away[is_far] -= self.limits.allowed_distances(points[is_far])
         away[~is_far] -= self.limits.distance
         return away
 
     def farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> MeshDistances:
-        """Return distances of the triangles V (n, 3), F (m, 3) from the triangles V2, F2."""
+        """Return distances of the triangles V (n, 3), F (m, 3) from the triangles V2, F2, at corners and centres."""
         points = np.concatenate([V[corners_of(F, np.ones(len(F), dtype=bool), len(V))], V[F].mean(axis=1)])
         away = nearest_places(points, V2, F2).distance
-        far_points = points[away > self.limits.distance]  # near points need no local limit
+        far_points = points[away > self.limits.distance]  # only these need the local limit
         if not len(far_points):
             return MeshDistances(float(away.max()), float(away.max()), self.limits.distance, far_points)
         far_distances, allowed = away[away > self.limits.distance], self.limits.allowed_distances(far_points)

@@ -12,7 +12,7 @@ from dsfab.export.cad.step.planar import cut_apart
 from dsfab.export.part import DividedSheet
 from dsfab.surface.topology import boundary_loops, edge_table, half_edges, pieces
 
-SHARP = np.deg2rad(35.0)  # a wall has a corner at a vertex with at least this turn (radians)
+SHARP = np.deg2rad(35.0)  # a wall has a corner at a vertex with at least this bend (radians)
 WALL = -1  # number in place of a chart, where a wall ends the chart
 
 
@@ -20,7 +20,7 @@ WALL = -1  # number in place of a chart, where a wall ends the chart
 class OutlineRun:
     """Part of an outline.
     vertices : (k,) in order, the material on their left.    beyond : chart on the other side, or `WALL`.
-    width    : twice the area in the loop over the loop's length, mm: a circle's radius, or the width of a slit."""
+    width    : twice the area of the loop divided by its length, mm: a circle's radius, or the width of a slit."""
 
     vertices: Ints
     beyond: int
@@ -77,12 +77,12 @@ def _middle(sheet: DividedSheet, shift: int) -> tuple[Floats, Floats]:
 
 
 def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
-    """Return the regions of a sheet whose middle lies `shift` half-thicknesses off its vertices."""
+    """Return the regions of a sheet. shift : distance of the sheet's middle from its vertices, in half-thicknesses."""
     V, D, F = *_middle(sheet, shift), sheet.F
     table = edge_table(F)
     _, piece = pieces(F, table)
     count = int(sheet.chart.max()) + 1
-    pair_numbers = np.unique(F * count + sheet.chart[:, None])  # vertex times count plus chart
+    pair_numbers = np.unique(F * count + sheet.chart[:, None])  # one number for each pair of a vertex and a chart
     charts = np.stack(np.divmod(pair_numbers, count), axis=1)
     special = np.bincount(charts[:, 0], minlength=len(V)) > 2
     special[table.ends[table.boundary]] = True

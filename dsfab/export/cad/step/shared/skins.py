@@ -81,7 +81,7 @@ def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
 
 def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
     """Return the midpoints (e, 3) of cubics along edges (e, 2) of P (n, 3), perpendicular to d (n, 3) at their ends.
-    With these points, fits do not wave between vertices."""
+    Fits through these points have no waves between vertices."""
     N, chord = unit_vectors(d), P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
     return np.asarray(end_means(P, ends) + (slopes[0] - slopes[1]) / 8)
@@ -103,7 +103,7 @@ def chord_errors(skins: DenseSurface) -> Floats:
 
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
-    """Return the (m,) share by which the smooth solid over each triangle is larger than the mesh's prism.
+    """Return the (m,) fraction by which the smooth solid of each triangle is larger than the mesh's prism.
     The area is larger, and so is the thickness between vertices with different normals. The difference falls with the
     square of the edges: a quarter of it remains after each triangle is divided in four."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
@@ -121,9 +121,9 @@ def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
 
 
-GAP_SHARE = 1 / 20  # widest accepted gap between a skin and its edges, as a share of the thickness
-OUTLINE_SHARE = 0.55  # tolerance of outlines, as a share of the allowed distance from the mesh
-LOOP_SHARE = 0.03  # largest tolerance of a loop, as a share of its width, because the sides of a slit must not cross
+GAP_SHARE = 1 / 20  # widest accepted gap between a skin and its edges, as a fraction of the thickness
+OUTLINE_SHARE = 0.55  # tolerance of outlines, as a fraction of the allowed distance from the mesh
+LOOP_SHARE = 0.03  # largest tolerance of a loop / its width, because the sides of a slit must not cross
 
 
 def decimals(thickness: float) -> int:
@@ -132,15 +132,15 @@ def decimals(thickness: float) -> int:
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 
 
-MOST_CHORD = 1 / 4  # largest chord error over the thickness; larger estimates occur at creases and are wrong
+MOST_CHORD = 1 / 4  # largest chord error / thickness; larger estimates occur at creases and are wrong
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothLimits:
-    """Thickness, and allowed distance of the smooth solid from the mesh beyond the mesh's own chord error, millimetres.
+    """Thickness, and allowed distance of the smooth solid from the mesh, to which the mesh's chord error is added, mm.
     V, F    : (n, 3) and (m, 3) triangles of both skins of the uncut surface.
     chord   : (m,) chord error of these triangles.
-    rounder : (m,) share by which the volume over each triangle may be larger, because the mesh cuts curves short."""
+    rounder : (m,) fraction by which the curved volume of each triangle may exceed that of the plane triangle."""
 
     thickness: float
     distance: float

@@ -110,17 +110,17 @@ def _distances(gate: PieceJudge, findings: dict[int, OcctFinding]) -> dict[int, 
     return away
 
 
-FIT_SHARE = 1 / 3  # tolerance of the skins, as a share of the allowed distance from the mesh
+FIT_SHARE = 1 / 3  # tolerance of the skins, as a fraction of the allowed distance from the mesh
 
 LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
 """Layouts: largest angle (degrees) between normals of a chart and their mean, smallest number of charts, and seed."""
 
-MOST_WALLS = 1500  # largest number of walls of a sheet if `hurry` is 1; more walls take over half a minute
+MOST_WALLS = 1500  # largest number of walls if the user did not request a smooth file; more take over half a minute
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothSolid:
-    """Pieces of a layout with their judge and builder. asked : pieces whose solids are not finished."""
+    """Pieces of a layout with their judge and builder. asked : numbers of the pieces that this layout must build."""
 
     gate: PieceJudge
     builder: PieceBuilder
@@ -129,7 +129,7 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Plan for a part's smooth file; raises ExportError for an unknown sheet, or too many walls with `hurry`."""
+    """Plan for a part's smooth file; raises ExportError for an unknown sheet, or too many walls without a request."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -138,7 +138,7 @@ class SmoothPlan(SolidPlan):
         limit = MOST_WALLS * part.hurry
         if part.hurry and (count := sum(run.beyond == WALL for loop in self._loops for run in loop)) > limit:
             raise ExportError(
-                f"its smooth solid would have {count} walls, more than the {limit} that are made without a request; "
+                f"its smooth solid would have {count} walls, more than the {limit} that dsfab makes without a request; "
                 "write step = 'smooth'"
             )
 
@@ -342,9 +342,9 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """Return the mesh corners (k, 3), of those at walls (n, 3), that are too far from the piece's edges.
+    """Return the mesh corners (k, 3), of the corners (n, 3) at walls, that are too far from the piece's edges.
     OCCT's triangles would also show such corners, but another round with OCCT takes seconds."""
-    chord_count, nearest_count = 64, 4  # chords along an edge, and near chords whose distance from a corner counts
+    chord_count, nearest_count = 64, 4  # chords along an edge; nearest chords to a corner that are compared
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
     start, end = lines[:, :-1].reshape(-1, 3), lines[:, 1:].reshape(-1, 3)

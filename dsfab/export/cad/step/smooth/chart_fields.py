@@ -14,8 +14,8 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)  # angle by which a chart may exceed its cone, because straight borders add steep faces
-REACH = 0.25  # length over which the fields of charts diffuse, as a share of the radius of small charts
+CONE_SLACK = np.deg2rad(12.0)  # by this angle the normals of a chart with straight borders may leave their cone
+REACH = 0.25  # length over which the fields of charts diffuse / radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",
@@ -64,8 +64,8 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 
 def _dual(surface: Surface) -> csr_array:
-    """Return the graph of distances between neighbouring faces. Turns add distance, so that clusters end at bends."""
-    turn_cost = 0.2  # a turn by one radian costs this share of the root of the surface's area
+    """Return the graph of distances between neighbouring faces. Angles add distance, so that clusters end at bends."""
+    turn_cost = 0.2  # an angle of one radian costs this fraction of the square root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
     angle = np.arccos(np.clip(np.einsum("ki,ki->k", surface.normals[f], surface.normals[g]), -1, 1))
@@ -95,12 +95,12 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
     mean = np.stack([np.bincount(label, x) for x in (surface.areas[:, None] * surface.normals).T], axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
     area = np.bincount(label, surface.areas)[:, None]
-    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # a closed cluster has no mean normal
+    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # 0 for a closed cluster
     return np.asarray(np.einsum("mi,mi->m", surface.normals, mean[label]))
 
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
-    """Straighten the borders of charts; divide charts that become too steep or fall apart, and straighten again."""
+    """Straighten the borders of charts. Divide charts that are too steep or not connected, and straighten again."""
     for turn in range(5):
         fields = _diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)
         label = _parts(surface, fields[surface.F].sum(axis=1).argmax(axis=1))

@@ -62,7 +62,7 @@ class SplinePatch:
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
         """Return parameters (k, 2) of the surface points nearest to `points` (k, 3), by Gauss-Newton steps."""
-        step_limit = 1e-8  # steps end at this share of the surface's size: 0.1 micrometres on ten metres
+        step_limit = 1e-8  # steps end below this fraction of the surface's size: 0.1 micrometres on ten metres
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
         for _ in range(rounds):
@@ -108,8 +108,8 @@ def fitted_surface(
 ) -> SurfaceFit:
     """Fit a surface with few poles to Q (k, 6), one point on each skin; the tolerance applies to the points `inside`.
     first_poles : geometric mean of the first numbers of poles.    most_poles : limit in each direction.
-    The error is proportional to the fourth power of the span length, which gives the next number of poles."""
-    points_per_pole = 2.5  # with fewer points, surfaces wave between the points and leave gaps at seams
+    The error grows with the fourth power of the length of a span. The next number of poles follows from this."""
+    points_per_pole = 2.5  # with fewer points, surfaces have waves between the points and gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
     pole_limit = np.sqrt(len(uv) / points_per_pole)
@@ -128,7 +128,7 @@ def patch_through(
     uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float
 ) -> tuple[SplinePatch, Floats]:
     """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2); return it and its points at uv.
-    weight : (k,) of the points.    smoothing : weight of second differences, which place poles without points."""
+    weight : (k,) of the points.    smoothing : weight of second differences, for poles far from all points."""
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
     u, v = (
@@ -208,12 +208,12 @@ def _diagonal(table: Floats, below: int) -> Floats:
 
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
-"""Weights of points around a chart, which hold the skins at seams, and of boundary points, whose normals lean to one
-side. The tolerance applies to neither of these points."""
+"""Weights of points around a chart, where the skins must meet the next chart, and of boundary points, which have
+inexact normals. The tolerance applies to neither of these points."""
 
 FOLDED = 0.01
-"""Largest share of a chart's faces that face away. Coarse meshes fold at corners of the boundary when their
-triangles are divided; the distance of the fit from all points is limited in any case."""
+"""Largest fraction of a chart's faces that face away from its axis. Coarse meshes fold at corners of the boundary when
+their triangles are divided. The distance of the fit from all points is limited in any case."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,9 +289,9 @@ STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine of a chart's normals and 
 
 @dataclass(frozen=True, eq=False)
 class SkinChart:
-    """Plane of a chart, and both skins over the plane. Lengths in millimetres.
+    """Plane of a chart, and both skins as surfaces over it. Lengths in millimetres.
     origin, axes : (3,) and (3, 3): two axes in the plane, and the normal of the plane.
-    upper, lower, middle : surfaces of the skins, and of their middle, over the plane.
+    upper, lower, middle : surfaces of the skins, and half way between them.
     tolerance    : of the fit; larger on a coarse mesh.
     steepest     : cosine of the largest angle between the plane and a face, 1st percentile.
     off          : largest distance of a skin from its points."""
@@ -318,7 +318,7 @@ class SkinChart:
 class ChartAtlas:
     """Charts of a surface, fitted on demand.
     fields : (n, c) on the vertices; chart k is where field k is largest. Divided charts add fields.
-    charts : by number, without charts that no spline follows; `failed` holds the reasons."""
+    charts : by number; charts without a spline within the tolerance are missing, and `failed` has the reasons."""
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
         self.surface, self.fields, self.tolerance = surface, fields, tolerance
@@ -331,7 +331,7 @@ class ChartAtlas:
     ) -> None:
         """Fit the charts of these numbers and the charts that they are divided into.
         hopeless : function of a failed chart's number that returns True if further charts are useless."""
-        # A chart may be three tolerances off: OCCT measures the solid later, and few pieces lie at the worst place.
+        # An error of three tolerances is allowed: few pieces lie at the worst place, and OCCT measures them later.
         useless = 3
         fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
@@ -362,7 +362,7 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a field (n,) that grows from a chart's steepest normal to its opposite; None if none is too steep."""
+        """Return a field (n,) that divides a chart that is too steep, along its steepest direction; otherwise None."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -373,7 +373,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # the fields change over this share of half the chart's length, as fast as at other borders
+        part_width = 0.25  # the fields change on this fraction of half the chart, as steeply as at other borders
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)
@@ -391,7 +391,7 @@ class ChartAtlas:
         return fields
 
     def _chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
-        of_chord = 0.3  # the tolerance includes this share of the mesh's chord error
+        of_chord = 0.3  # the tolerance includes this fraction of the mesh's chord error
         most_divisions = 2  # a coarse mesh is divided twice at most, because both charts at a seam must agree
         F = self.surface.F
         near_faces = faces_at(F, self._best[0] == k)

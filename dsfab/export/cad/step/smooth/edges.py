@@ -86,7 +86,7 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Least power of two whose product with each knot is a whole number; whole numbers are short in the file."""
+        """Smallest power of two that makes every knot a whole number; whole numbers are short in the file."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
@@ -101,13 +101,13 @@ class EdgeTolerances:
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
         """Tolerance of the curve of a run in its plane."""
-        of_chord = 0.5  # the tolerance includes this share of the mesh's chord error
+        of_chord = 0.5  # the tolerance includes this fraction of the mesh's chord error
         limit = min(OUTLINE_SHARE * self.distance + of_chord * self.chord, LOOP_SHARE * run.width)
         return LEVEL_FACTORS[level] * limit / steep
 
     def in_space(self, run: OutlineRun, level: int) -> float:
         """Tolerance of the curves of a run in space."""
-        share = 1 / 50  # largest tolerance over the thickness
+        share = 1 / 50  # largest tolerance / thickness
         return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
 
@@ -138,8 +138,8 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 
 
 def _on_skins(parts: list[_RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
-    """Fit curves on both skins over plane curves, within `tolerances` (mm); return each curve and its largest error.
-    A skin may wave along a simple plane curve; then more samples are taken."""
+    """Fit curves on both skins above curves in the plane, within `tolerances` (mm); return each curve and its largest
+    error. A wavy skin needs more samples."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]
@@ -224,8 +224,8 @@ def seam_edges(
     requests: list[RunRequest], nodes: OutlineNodes, sheet: SheetOutline, allowed: EdgeTolerances
 ) -> list[SmoothEdge]:
     """Fit one curve for both charts of each seam, half way between their skins."""
-    of_edge = 0.05  # tolerance in space over the length of mesh edges; the place of a seam need not be exact
-    of_thickness = 1 / 1000  # tolerance in each chart over the thickness; the gap between charts may be twice as wide
+    of_edge = 0.05  # tolerance in space / length of mesh edges; the place of a seam need not be exact
+    of_thickness = 1 / 1000  # tolerance in each chart / thickness; the gap between charts may be twice as wide
     runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
     charts = [k for request in requests for k in (request.chart, request.run.beyond)]
     tight = [factor * of_thickness * allowed.thickness for factor in factors]

@@ -148,7 +148,7 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
     return np.concatenate([poles[:-1] for poles in pole_rows])
 
 
-ROUNDED = 1e-9  # points nearer to a chord than this share of the chord's length lie on the chord
+ROUNDED = 1e-9  # a point is on a chord if its distance / length of the chord is smaller
 
 
 def crossings(piece: SmoothPiece) -> Floats:
@@ -172,8 +172,8 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     """Return the ends of edges at sharp corners whose two sides cross near the corner: 2 k and 2 k + 1 for edge k.
-    Chords of the edges do not show this crossing. The sides cross if the turn of their tangents at the corner is
-    opposite to the turn of the vectors to their middles."""
+    Chords of the edges do not show this crossing. The sides cross if their tangents at the corner are in one order
+    around the corner, and the vectors to their middles in the opposite order."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])

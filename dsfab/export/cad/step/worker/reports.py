@@ -47,7 +47,7 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
     """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, without reading the file.
-    faces : (k,) numbers of the faces to draw; None means all. Raises ExportError if OCCT takes too long."""
+    faces : (k,) numbers of the faces; None means all. Raises ExportError if OCCT takes too long."""
     with tempfile.TemporaryDirectory() as folder:
         path, only = Path(folder) / "shape.bin", Path(folder) / "faces.npy"
         path.write_bytes(shape)

@@ -79,7 +79,7 @@ def compound(shapes: list[Any]) -> Any:
 
 
 def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
-    """Return the lowest and highest corner of OCCT's box, six numbers.
+    """Return the lowest and highest corner of OCCT's bounding box, six numbers.
     with_triangles : use triangles that the faces hold."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
@@ -109,7 +109,7 @@ def is_valid(shape: Any) -> bool:
 
 def gauss_kronrod_volume(shape: Any, accuracy: float) -> float:
     """Return the volume (mm3) to a relative accuracy, also for faces with many holes or curved edges.
-    On a plate with 65 holes and curved walls OCCT's adaptive rule was 1e-3 off, and this rule 7e-9 for 1e-5."""
+    On a plate with 65 holes and curved walls OCCT's adaptive rule had an error of 1e-3, this rule (at 1e-5) of 7e-9."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 

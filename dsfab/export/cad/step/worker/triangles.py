@@ -11,13 +11,13 @@ import numpy as np
 
 from dsfab.export.cad.step.worker.shapes import compound, diagonal, faces_of, parts, read, write_binary
 
-DEFLECTION_SHARE = 1e-4  # default deflection, as a share of the diagonal of the bounding box
+DEFLECTION_SHARE = 1e-4  # default deflection, as a fraction of the diagonal of the bounding box
 
 
 def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:
     """Read a STEP or `.bin` file and write `mesh.npz` to a folder, and `shape.bin` unless the file is binary.
     Return the number of solids and the deflection; raises ValueError if OCCT cannot read the file.
-    faces : a `.npy` file of the numbers of the faces to draw; all faces by default."""
+    faces : a `.npy` file with the numbers of the faces to triangulate; all faces by default."""
     shape = read(path)
     if path.suffix != ".bin":
         write_binary(shape, folder / "shape.bin")
@@ -28,7 +28,7 @@ def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: st
 
 def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
     """Return V, F and `face` as in `mesh.npz`, of the faces `only` (k,) or all faces; number of solids and deflection.
-    Selected faces are drawn together, so that neighbours share the points of their edges."""
+    Selected faces are triangulated together, so that neighbours share the points of their edges."""
     solids, deflection = parts(shape, "SOLID"), deflection or DEFLECTION_SHARE * diagonal(shape)
     faces = [face for solid in solids for face in faces_of(solid)]
     numbers = list(range(len(faces)) if only is None else map(int, only))
@@ -39,7 +39,7 @@ def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple
 
 def draw(shape: Any, deflection: float) -> None:
     """Let OCCT triangulate a shape; it stores the triangles with the faces."""
-    angle = 0.2  # neighbouring triangles turn by at most 0.2 radians
+    angle = 0.2  # largest angle (radians) between neighbouring triangles
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
     BRepMesh_IncrementalMesh(shape, deflection, False, angle, True)

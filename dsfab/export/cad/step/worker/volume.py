@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 
 from dsfab.export.cad.step.worker.shapes import faces_of, parts
 
-VOLUME = 1e-3  # largest relative error in the adaptive rule's own estimate; the real error was a hundredth of this
+VOLUME = 1e-3  # largest relative error that the adaptive rule estimates; the real error was 100 times smaller
 MANY_EDGES = 16  # smallest number of edges of a face for Green's theorem; OCCT's rule is faster for ten edges
 
 
@@ -41,7 +41,7 @@ def volume(solid: Any) -> float:
 def _cone(face: Any, about: Any) -> float:
     """Volume in cubic millimetres between a face and a point, positive if the point lies behind the face.
     The time of OCCT's adaptive rule grows with the edges of a face times the poles of its surface; for many edges
-    `_cone_on_spline` is three times as fast. OCCT's plain rule is off by up to 1 % on faces with many holes."""
+    `_cone_on_spline` is three times as fast. OCCT's default rule has errors of up to 1 % on faces with many holes."""
     from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
     from OCP.TopAbs import TopAbs_Orientation
     from OCP.TopoDS import TopoDS
@@ -67,7 +67,7 @@ def _spline_surface(face: Any) -> Any | None:
 
 
 def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
-    end_tolerance = 1e-9  # an edge may end before its curve by this share of its length
+    end_tolerance = 1e-9  # an edge may end before its curve by this fraction of its length
     from OCP.BRep import BRep_Tool
     from OCP.Geom2d import Geom2d_BSplineCurve
     from OCP.TopAbs import TopAbs_Orientation
@@ -96,7 +96,7 @@ def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) ->
     to_u, to_v = np.linalg.inv(legendre.legvander(x, p - 1)), np.linalg.inv(legendre.legvander(y, q - 1))
     G = legendre.legint(np.einsum("am,imjn,bn->iajb", to_u, f, to_v), lbnd=-1, axis=1)
     G *= np.diff(u)[:, None, None, None] / 2
-    G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]  # add the spans before; Legendre polynomials are 1 at 1
+    G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]  # add the integrals of all earlier spans
     places, dv = _outline_points(outline)
     i, s = _local(u, places[:, 0])
     j, t = _local(v, places[:, 1])
