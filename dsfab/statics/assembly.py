@@ -32,8 +32,8 @@ def hinges(surface: Surface) -> Ints:
 def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
     """Return the gradients (i, 4, 3), 1/m, of the angles at hinges (i, 4), and the weights (i,): l^2 / (A1 + A2).
 
-    The opposite vertices have heights h2, h3 above the edge. If they move along the faces' normals, the angle changes
-    by n2 / h2 and n3 / h3. The gradients at both ends of the edge follow, because rigid motions change no angle."""
+    The gradients at the opposite vertices are n2 / h2 and n3 / h3: the normal of the face, divided by the vertex's
+    distance to the edge. The gradients at the edge's ends follow, because rigid motions change no angle."""
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
     edge = p1 - p0
     length = np.linalg.norm(edge, axis=1)
@@ -60,7 +60,7 @@ class VertexPairs:
     ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: the ends of all edges, and
                the opposite vertices of all hinges if the elements have hinges.
     of_edge  : (e,) number of the pair of each edge.
-    opposite : (i,) number of the pair of opposite vertices of each hinge, p if both are equal; () without hinges."""
+    opposite : (i,) number of each hinge's pair of opposite vertices, p if they are one vertex; () without hinges."""
 
     n: int
     ends: Ints
@@ -106,7 +106,7 @@ class VertexPairs:
     def matrix(self, blocks: "PairBlocks") -> csr_array:
         """Return the stiffness (3 n, 3 n) of these blocks; the columns of each row ascend."""
         begin, column, number = self._block_positions
-        # positions of blocks take a ninth of the memory of positions of entries
+        # one position for each block of nine entries needs a ninth of the memory of one position for each entry
         all_blocks = np.concatenate([blocks.between.T, _transposed_blocks(blocks.between).T, blocks.own.T])
         values = all_blocks[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
@@ -124,7 +124,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Return the stiffness with blocks `between` (9, p); rows sum to 0, because a rigid shift causes no force."""
+        """Return the stiffness with blocks `between` (9, p). Rows sum to 0, because a rigid shift causes no force."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):

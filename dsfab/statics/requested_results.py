@@ -92,8 +92,8 @@ def sheet_answers(
 ) -> Answers:
     """Return stress and energy of a solved sheet, and the other requested results.
 
-    stiffness     : function that returns K over the unknowns of any elements. It is called only if other elements than
-                    the case's give the results, or if a sheet solved in its plane must bend to vibrate or buckle.
+    stiffness     : function that returns K for any elements. It is called if the results need other elements than the
+                    case, or if modes need bending and the case was solved in its plane.
     other_factors : function for all further factorisations; a `FactorCache` of two serves loads on the same supports.
 
     Vibration counts the mass of the sheet alone, without its loads. Raises StaticsError if the elements for the
