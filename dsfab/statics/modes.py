@@ -238,8 +238,7 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
 
 
 def geometric_products(surface: Surface, resultants: Floats, elements: Elements, modes: Floats) -> Floats:
-    """Return the products x_i . K_g x_j (b, s, s) of the columns of `modes` (u, s), for membrane forces (b, m, 3,
-    3)."""
+    """Return the products x_i . K_g x_j (b, s, s) of the columns of `modes` (u, s), for forces N (b, m, 3, 3)."""
     slopes, columns = _slopes(surface, elements)
     along = np.einsum("majx,mxs->majs", slopes, modes[columns], optimize=True)
     rows, count = 10 * surface.m, modes.shape[1]

@@ -105,7 +105,7 @@ class ThicknessStiffness:
 
 
 def _without_negative_eigenvalues(part: Floats) -> Floats:
-    """Return a part (b, b) of a stiffness without its negative eigenvalues, which are rounding errors due to needles."""
+    """Return a part (b, b) of a stiffness without its negative eigenvalues, which are rounding errors at needles."""
     values, vectors = np.linalg.eigh((part + part.T) / 2)
     return np.asarray((vectors * values.clip(min=0)) @ vectors.T)
 

@@ -16,8 +16,7 @@ SAME = 0.25
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """Return the lengths (2,), m, of a bay's joints: `halves`, scaled to at most four fifths of the bay's `length`
-    in all."""
+    """Return the lengths (2,), m, of a bay's joints: `halves`, reduced if they leave less than a fifth of the bay."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
@@ -226,8 +225,7 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 
 def add_hubs(joints: AxisJoints) -> None:
-    """Add a central node (hub) to each disc with three nodes or more, with links (spokes) whose widths add up to the
-    ring.
+    """Add a central node (hub) to each disc with three nodes or more. Links (spokes) join it to the disc's nodes.
     Let a be the radius and t the thickness of the disc. Under a load P on the hub the spokes deflect by 0.159 P a^2 /
     (E t^3), with 0.159 = 1 / 2 pi. A clamped plate deflects by 0.217 P a^2 / (E t^3); the ratio is 0.73. With simple
     supports the factors are 0.637 and 0.552; the ratio is 1.15 [Timoshenko, Woinowsky-Krieger 1959, 19]."""
