@@ -91,7 +91,7 @@ class EvenStripes:
     phases  : phases of each family's finest lines; halving removes some of these lines.
     wanted  : for each family, and each level of halving from the finest, (m,) share of a face that has such lines.
     slope   : (n, 2) finest lines per metre.    density : (n, 2) lines per metre after halving.
-    first   : number of the family whose finer lines are cut first, 0 or 1.
+    first   : number of the family whose finer lines are added first, 0 or 1.
     chart   : the surface divided where lines end, with both phases: for pictures and measures.
     symmetry : reflections and rotations that leave the stripes unchanged; None without any.
     steered  : changes of the stripes' directions by guides or symmetry; None without changes.
@@ -202,8 +202,8 @@ class PatternResult:
     mode, phase : of both families; for `auto` the result.
     choice      : trials for `auto`; None without trials.
     even        : lines of evenly spaced stripes; None for stripes on modes.
-    asked       : [pattern] with the results of `auto`; None without `auto`.
-    tidy        : stripes for the cut to remove, because they lead nowhere; None if there are none.
+    asked       : the preset's section [pattern] with results in place of `auto`; None without `auto`.
+    tidy        : stripes that the cut removes, because they lead nowhere; None if there are none.
     attempts    : trials for the method `auto`, best first; empty for another method.
     trial       : the last cut of the search for widths, which slicing uses again; not pickled."""
 

@@ -89,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return ExitCode.DONE
     except MemoryError as error:
         return _fail(ExitCode.BUG, f"the memory is too small; make the mesh coarser{_details(words, error)}")
-    except Exception as error:  # handler of last resort for bugs
+    except Exception as error:  # any other error is a bug
         if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
             return _fail(ExitCode.REFUSED, f"the name {str(error.filename)[:40]}... is too long; choose a shorter name")
         return _fail(ExitCode.BUG, f"dsfab made a mistake, and nothing was written{_details(words, error)}")

@@ -25,9 +25,9 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     """Return the order (k,) of members along a structure, from centroids (k, 3) and lengths (k,), metres.
     size : largest dimension of the structure, metres.
 
-    A ring is ordered counter-clockwise from the x axis, seen from above. Members that form no ring follow the direction
-    of their largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the
-    member with the smaller x, y, z."""
+    A ring is ordered counter-clockwise from the x axis, seen from above. Members that form no ring are ordered along
+    the direction of their largest spread, towards larger x, y or z. At equal positions the shorter member is first,
+    then the member with the smaller x, y, z."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)
@@ -56,7 +56,7 @@ def _pointing(axes: Floats) -> Floats:
 
 
 def _steps(values: Floats, gap: float) -> Ints:
-    """Return ranks (k,) of values (k,); sorted neighbours have equal ranks if they differ by at most `gap`."""
+    """Return ranks (k,) of values (k,). Consecutive sorted values have equal ranks if they differ by at most `gap`."""
     order = np.argsort(values, kind="stable")
     steps = np.empty(len(values), dtype=np.int64)
     steps[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])

@@ -55,7 +55,7 @@ class MiddleLine:
         return float(self.s[nearest] + t[nearest] * (self.s[nearest + 1] - self.s[nearest]))
 
     def opened_at(self, index: int) -> "MiddleLine":
-        """Return the closed line, begun and ended at its point `index`."""
+        """Return the closed line with its point `index` as the first and the last point."""
         around = np.concatenate([np.arange(index, len(self.points)), np.arange(1, index + 1)])
         return MiddleLine(self.points[around], self.normals[around], np.roll(self.cells, -index))
 
@@ -95,7 +95,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return the places (c, 2) of offset 0 on sides (c, 2) of cells: 0 at the lower vertex number, 1 at the other."""
+    """Return where the offset is 0 on sides (c, 2) of cells: (c, 2), 0 at the lower vertex number, 1 at the other."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -286,7 +286,7 @@ def sides(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
     is_left = np.einsum("ei,ei->e", middle - axis.P[station], axis.B[station]) >= 0
     widths = np.zeros((len(axis.s), 2))
     for column, side in enumerate((is_left, ~is_left)):
-        rows = np.flatnonzero(side & (cosine > 0.5))  # edges across the axis are ends of the member
+        rows = np.flatnonzero(side & (cosine > 0.5))  # edges at a large angle to the axis are ends of the member
         if len(rows):
             offset = np.concatenate([a[rows], b[rows]]) - np.tile(axis.P[station[rows]], (2, 1))
             T, B = (np.tile(x[station[rows]], (2, 1)) for x in (axis.T, axis.B))

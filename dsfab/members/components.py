@@ -16,7 +16,7 @@ from dsfab.surface import CornerField, DividedField, Surface, link_components
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
 """Kinds of members, see `dsfab.members.graph.Member`; kept material has the kind "keep" before its shape is known."""
 FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
-NOWHERE = 10.0  # Offset in a region without a middle line, larger than any real offset.
+NOWHERE = 10.0  # Offset that stands for "no middle line" in a region, larger than any real offset.
 
 
 class NamedBand(NamedTuple):
@@ -70,7 +70,7 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 
 
-DISC = 0.4  # Kept material is a disc if its area exceeds this share of the area of a circle with an equal perimeter.
+DISC = 0.4  # Kept material is a disc if its area exceeds this fraction of the area of a circle with an equal perimeter.
 HIDDEN, COVERED = 0.05, 0.3
 """A strip (HIDDEN) or kept material (COVERED) is a member only if more than this fraction of its area is visible."""
 

@@ -94,7 +94,7 @@ def solve_cases(
     """Solve several load cases on the same supports with one factorisation; return the equilibria by name.
     spreads      : for each case, its load on faces and edges (see `equilibrium`); None without such loads.
     combinations : for each combination, the factor of each case. The result has the cases first, then the combinations.
-    bars         : true if ribs twist as bars with a rectangular section do, see `torsion_loss`.
+    bars         : true to reduce the torsional stiffness of ribs to that of rectangular bars (`torsion_loss`).
     Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases."""
     sums = dict(combinations or {})
     for name, factors in sums.items():

@@ -1,4 +1,4 @@
-"""Assembly of a stiffness from 3 x 3 blocks between pairs of vertices, and hinges between pairs of faces."""
+"""Assembly of a stiffness from 3 x 3 blocks, one for each pair of vertices; pairs of neighbouring faces (hinges)."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -48,7 +48,7 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
 
 
 Index = npt.NDArray[np.integer[Any]]
-"""Integers of 4 bytes, because a sparse matrix stores an index for every entry."""
+"""Integers of a sparse matrix. Four bytes each save memory, because every entry of the matrix has an index."""
 
 CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 """The six pairs of the four vertices of a hinge, see `hinges`."""
@@ -57,8 +57,8 @@ CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
     """Pairs of vertices that are coupled in a stiffness matrix, and the places of their blocks in it.
-    ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: the ends of all edges, and
-               the opposite vertices of all hinges if the elements have hinges.
+    ends     : (p, 2) the pairs in ascending order, the smaller vertex first: the ends of all edges and, if the
+               elements have hinges, the opposite vertices of all hinges.
     of_edge  : (e,) number of the pair of each edge.
     opposite : (i,) number of each hinge's pair of opposite vertices, p if they are one vertex; () without hinges."""
 
@@ -92,11 +92,11 @@ class VertexPairs:
 
     @cached_property
     def _block_positions(self) -> tuple[Index, Index, Index]:
-        """Row pointers, columns and block numbers of the matrix in blocks. Blocks: p above the diagonal, the same p
-        below the diagonal, then n on the diagonal."""
+        """Row pointers, columns and block numbers of the matrix. The numbers count p blocks above the diagonal, then
+        p blocks below the diagonal, then n blocks on the diagonal."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
-        # in this order the columns of each row ascend without sorting
+        # this order gives ascending columns in each row without sorting
         row, column = np.concatenate([high, vertex, low]), np.concatenate([low, vertex, high])
         begin = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=self.n))]).astype(np.int32)
         order = np.argsort(row, kind="stable")
@@ -146,7 +146,7 @@ def _transposed_blocks(blocks: Floats) -> Floats:
 
 
 def summed_blocks(u: Floats, v: Floats, pair: Ints, count: int) -> Floats:
-    """Return the sums (9, count) of the 3 x 3 blocks u v^T with the same pair number. u, v : (3, k).
+    """Return, for each pair number, the sum of the 3 x 3 blocks u v^T with this number: (9, count). u, v : (3, k).
     pair : (k,) numbers from 0 to `count`; blocks with the number `count` are left out."""
     return np.stack([np.bincount(pair, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
 

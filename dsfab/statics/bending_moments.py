@@ -39,7 +39,7 @@ def face_moments(
     `hhj`     : linear on each face, computed again from the displacements [Hellan 1967].
     `hinge`   : constant, from the changed angles of the face's hinges, for pictures only. On a plate bent to a parabola
                 the mean of many faces is wrong by 2 %. Single faces are wrong by 8 % (rows of staggered triangles) to
-                60 % (random triangles, and twist on squares halved by diagonals). Displacements also have errors (see
+                60 % (random triangles, or twist of squares halved by diagonals). Displacements also have errors (see
                 `hinge_blocks`). Faces at free edges have too small moments, because a free edge is not a hinge."""
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
@@ -80,7 +80,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
     half = np.zeros(3 * surface.m)
     half[pairs[:, 0]] = angle / 2
-    # if neighbours have opposite normals, the angle changes its sign in the second face
+    # if the normals of two neighbours are opposite, the angle has the other sign in the second face
     along = half_edge_signs(surface).ravel()
     half[pairs[:, 1]] = -angle / 2 * along[pairs[:, 0]] * along[pairs[:, 1]]
     bent = (half.reshape(-1, 3) * length)[:, :, None] * voigt(out, out)
@@ -96,9 +96,9 @@ def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
     after = np.roll(slope, -1, axis=1)
     w = _deflection(surface, answer)
     bubble = unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
-    tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # dw/dm of the hats on each half-edge
+    tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # dw/dm of the linear part on each half-edge
     turn = half_edge_signs(surface) * unknowns["rotation"][edge]
-    # dw/dm of the bubbles 4 phi_c phi_c+1 is linear on each half-edge, and follows from the hats
+    # dw/dm of the bubbles 4 phi_c phi_c+1 is linear on each half-edge, and follows from the gradients of phi
     ahead, behind = (np.einsum("mia,mca->mci", g, outward) for g in (after, slope))  # (m, half-edge, bubble)
     bent = (8 / 3 * surface.areas[:, None, None] * voigt(slope, after) * bubble[:, :, None]).sum(axis=1)
     work = np.repeat(bent[:, None], 3, axis=1)

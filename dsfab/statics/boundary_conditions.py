@@ -20,7 +20,7 @@ MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn
 
 
 def rigid_motions(points: Floats) -> Floats:
-    """Return displacements (n, 3, 6) of points (n, 3) under the motions of `MOTIONS`, scaled to about unit length."""
+    """Return displacements (n, 3, 6) of points (n, 3) under the six rigid `MOTIONS`; the largest are about 1."""
     centred = points - points.mean(axis=0)
     reach = np.abs(centred).max() or 1.0
     motion = np.zeros((len(points), 3, 6))
@@ -202,7 +202,7 @@ class SpreadLoad:
         return force
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
-        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on each bubble.
+        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on a unit of each bubble.
         The integral of a bubble is A / 3 on a face of area A, and 2 l / 3 on an edge of length l."""
         work = self.edge * _lengths(surface) * 2 / 3
         np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))

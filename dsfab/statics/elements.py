@@ -88,7 +88,7 @@ def half_edge_signs(surface: Surface) -> Floats:
 def edge_frames(surface: Surface) -> Floats:
     """Return unit vectors t, m, n (e, 3, 3) of each edge: along it, across it in the sheet, and normal to the sheet. n
     is the mean of both faces' normals, weighted by area. If these normals point to opposite sides of the sheet, one is
-    reversed first. Such a mean fails for three faces on an edge, and for a fold over 145 degrees.
+    reversed first. Such a mean fails for three faces on an edge, and for a fold of more than 145 degrees.
     Then n is the line nearest to all normals: the first eigenvector of sum A n n^T. The result is read-only."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
@@ -119,16 +119,16 @@ def voigt(a: Floats, b: Floats) -> Floats:
 
 
 def tensor_matrices(planar: Floats) -> Floats:
-    """Return plane tensors (..., 3), as (xx, yy, xy), as symmetric matrices (..., 2, 2)."""
+    """Return the symmetric matrices (..., 2, 2) of plane tensors (..., 3), given as (xx, yy, xy)."""
     xx, yy, xy = np.moveaxis(planar, -1, 0)
     return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
 
 
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """Return the sum (size, size) of blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
-    The sum is one product S^T Z: Z has the rows of all blocks, and S selects the unknowns. The product adds each entry
-    once, without sorting the 100 to 300 triplets of every face. S^T becomes row-major first; otherwise the product
-    would convert the much larger Z."""
+    The sum is one sparse product S^T Z. Z has the rows of all blocks, and S selects the unknowns. The product needs no
+    sorting of the 100 to 300 entries of every face. S^T becomes row-major first; otherwise the product would convert
+    the much larger Z."""
     m, c = columns.shape
     columns = columns.astype(np.int32 if max(m * c * c, size) < 2**31 else np.int64)
     count = np.arange(m * c + 1, dtype=columns.dtype)

@@ -19,7 +19,7 @@ ACCURATE = 1e-9
 
 REFINEMENTS = 6  # Largest number of refinement steps; two or three usually suffice.
 ROWS = 1 << 16
-"""Rows of a stiffness in one product of high precision; a product of all rows would take three times the memory."""
+"""Number of rows in one product of high precision; a product of all rows would take three times the memory."""
 
 
 class LinearMap(Protocol):
@@ -69,7 +69,7 @@ class Factor:
 
     @property
     def map(self) -> ScaledStiffness:
-        """Stiffness (N, N) of the free unknowns with a unit diagonal, as a linear map."""
+        """Stiffness (N, N) of the free unknowns, scaled to a unit diagonal, as a linear map."""
         return ScaledStiffness(self.K, self.free, self.scale)
 
     def displacements(self, forces: Floats) -> Floats:

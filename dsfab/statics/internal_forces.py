@@ -23,7 +23,7 @@ the error; a longer distance misses shear in ribs."""
 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
-    """The recovery of shear forces q from moments, by a potential M; all load cases of a sheet share it.
+    """Data to compute shear forces q from moments, by a potential M; all load cases of a sheet share them.
     columns : (m, 6) the unknown of M at each corner and in the middle of each half-edge; (m, 3) only the corners.
     sign    : (m, 6) -1 if this face's normal is opposite to that of the first face with this unknown of M; else 1.
     rim     : (m, 3) 1 on half-edges of free edges and of folds, because no shear passes them; else 0.
@@ -38,7 +38,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the recovery for a surface. linear : true if moments are linear on each face; then M is quadratic."""
+        """Return the data for a surface. linear : true if moments are linear on each face; then M is quadratic."""
         side_a, side_b = surface.edges.pairs.T
         lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
         side_a, side_b = side_a[lean > SMOOTH], side_b[lean > SMOOTH]
@@ -53,13 +53,13 @@ class ShearRecovery:
         points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :nodes]
         blocks = _gradient_stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
         K = assemble_blocks(blocks, columns, size)
-        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # a constant in M is free on each smooth part
+        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # on each smooth part, M is known up to a constant
         spread = _spread_matrix(surface, columns, sign, points)
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
         """Return the mean of q on each face (m, 3), N/m, in space, tangent to the face.
-        moments : (m, 3 corners, 3) of the elements, in `SheetStress.frame`, N.
+        moments : (m, 3 corners, 3) as the elements compute them, in `SheetStress.frame`, N.
         twist   : (m, 3 corners, 3) the moments whose twist m_nt acts on free edges and folds."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
@@ -164,7 +164,7 @@ class SectionForces:
     frame : (m, 2, 3) local x and local y of each face.
     n     : (m, 3) normal forces x, y and shear in the sheet xy, N/m.
     m     : (m, 3) moments x, y and twist xy, N m/m.
-    q     : (m, 2) shear forces across the sheet, on sections across local x and local y, N/m.
+    q     : (m, 2) shear forces normal to the sheet, on sections normal to local x and to local y, N/m.
     corners : (m, 3, 3) n at the corners of each face, not averaged, for the bending of ribs in the sheet.
     corner_moments : (m, 3, 3) m at the corners; on a free edge its twist is the line force that balances q."""
 
@@ -219,7 +219,7 @@ def section_forces(
 def local_frames(surface: Surface) -> Floats:
     """Return local x and local y of each face, (m, 2, 3), unit vectors, see `CONVENTION`."""
     normal = surface.normals
-    # within 8 degrees of global x, local x follows global y
+    # if the normal is within 8 degrees of global x, local x follows global y
     axis = np.where((np.abs(normal[:, 0]) > 0.99)[:, None], np.eye(3)[1], np.eye(3)[0])
     x = axis - np.einsum("mi,mi->m", axis, normal)[:, None] * normal
     x /= np.linalg.norm(x, axis=1, keepdims=True)

@@ -52,13 +52,13 @@ STRESSES = _airy_stresses(AIRY)
 
 def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
     """Return D (m, 9, 9) of each face, for strains (xx, yy, 2 xy) at its three corners, in its tangent frame.
-    C : (3, 3) stress, or force per length, from strain: plane stress or plane strain of an isotropic material."""
+    C : (3, 3) matrix from strains to stresses or forces per length: isotropic, in plane stress or plane strain."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
     x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6 points), scaled
     powers = np.stack([x**a * y**b for a, b in MONOMIALS], axis=1)
     shares = powers * SHARES
-    linear = shares @ POINTS  # (m, monomial, hat): means of the products
+    linear = shares @ POINTS  # (m, monomial, corner): means of products with phi
     square = shares @ powers.transpose(0, 2, 1)
     count, _, k = STRESSES.shape
     compliance = np.einsum("aik,ij,bjl->abkl", STRESSES, np.linalg.inv(C), STRESSES).reshape(count**2, k * k)
@@ -154,7 +154,7 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
 def corner_strains(surface: Surface) -> Floats:
     """Return the strain (m, 3, 9) of each face for unit displacements x, y, z of its corners, per metre."""
     t = tangents(surface)
-    slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) hat gradients in the frame
+    slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) gradients of phi in the frame
     moved = voigt(slope[:, :, None, :], t.transpose(0, 2, 1)[:, None, :, :])  # (m, corner, xyz, strain)
     return np.ascontiguousarray(moved.reshape(-1, 9, 3).transpose(0, 2, 1))
 

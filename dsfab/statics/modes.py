@@ -44,7 +44,7 @@ class ModeSupports:
 def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -> ModeSupports:
     """Return the supports of a sheet that vibrates and buckles: its own supports, unless it is solved in its plane.
 
-    Supports of a sheet loaded in its plane mostly leave it free to fall over. So its supported vertices, also those on
+    Supports of a sheet loaded in its plane mostly leave it free to fall over. So its supported vertices, with those on
     springs, are also fixed normal to the plane. If the sheet could still rotate about a line through them, as a wall on
     its base, the free edges between them are clamped. A support along an edge thus holds the sheet upright.
 
@@ -67,10 +67,10 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
 
 FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
 """Default elements of frequencies and of buckling."""
-HATS = (np.eye(3) + 1) / 12  # Integrals of products of two hats over a triangle of area 1.
+HATS = (np.eye(3) + 1) / 12  # Integrals of phi_j phi_k over a triangle of area 1.
 BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles 4 phi_j phi_k.
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
-"""Integrals of hat i (row) times the bubble of half-edge c (column), which runs from corner c to the next."""
+"""Integrals of phi_i (row) times the bubble of half-edge c (column), which runs from corner c to the next."""
 VOIGT = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
 """Symmetric matrices of unit curvatures (xx, yy, 2 xy)."""
 
@@ -146,9 +146,9 @@ def buckling(
 
     answer   : equilibrium under `load`, by any elements. Its membrane stress loads the sheet, on the supports of
                `load`. Loads keep their direction: a pressure does not rotate with the sheet. Displacements before
-               buckling do not count. Real thin shells buckle well below the factor, cylinders under axial load at a
+               buckling are neglected. Real thin shells buckle well below the factor, cylinders under axial load at a
                fifth to a half of it [Koiter 1945; NASA SP-8007].
-    elements : `midedge` has false local modes beside needles, so cut sheets need the default.
+    elements : `midedge` has false local modes at needles, so cut sheets need the default.
     K, factor_of : (u, u), as for `frequencies`.
     Raises StaticsError for mechanisms, and if the modes do not converge."""
     surface = sheet.surface
@@ -228,10 +228,10 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
     resultant : (m, 3, 3) membrane force per length N, newtons per metre, tangent to each face.
 
     A stress may only act on slopes that the elements resist; otherwise a single needle buckles alone. A quadratic
-    bubble on the short edge of a needle has a large slope, which neither `hybrid` nor `hhj` resists. So a face has two
-    parts of gradients. One is the mean gradient of corner displacements and, for `hhj`, of normal bubbles. The other
-    is the constant curvature of the edges' rotations [Morley 1968] times the distance from the centroid. The error of
-    a plate's factor still falls with the fourth power of the mesh width."""
+    bubble on the short edge of a needle has a large slope, which neither `hybrid` nor `hhj` resists. So the gradient
+    in a face has two parts. One is the mean gradient of corner displacements and, for `hhj`, of normal bubbles. The
+    other is the constant curvature of the edges' rotations [Morley 1968] times the distance from the centroid. The
+    error of a plate's factor still falls with the fourth power of the mesh width."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))
@@ -269,8 +269,8 @@ def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
 
 def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
     """Return the mean gradients (m, 2, 3, 9 + 3 len(names)) of each face: of x, y and z, along both tangents.
-    Columns: unit moves of corners, then the unknowns `names` of half-edges. As in the bending stiffness, a normal
-    bubble moves a face along its normal alone."""
+    Columns: unit displacements of corners, then the unknowns `names` of half-edges. As in the bending stiffness, a
+    normal bubble moves a face along its normal alone."""
     slope = np.einsum("mik,mak->mai", hat_gradients(surface), tangents(surface))
     gradients = np.zeros((surface.m, 2, 3, 9 + 3 * len(names)))
     for i in range(3):
@@ -294,7 +294,7 @@ def _supported_modes(
     factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
-    Lanczos on K^-1 A with the inner product of K needs the factor of K only [Lehoucq et al. 1998, ARPACK]."""
+    Lanczos on K^-1 A with the inner product of K needs no other factor than that of K [Lehoucq et al. 1998, ARPACK]."""
     is_held = held_unknowns(surface, [load], elements, plane=False)
     mu, x = largest_eigenpairs(A, factor_of(surface, with_springs(K, load), is_held), count)
     return mu, _normalised_shapes(x[:, : 3 * surface.n].reshape(-1, surface.n, 3))
@@ -303,7 +303,7 @@ def _supported_modes(
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and x (k, u), for the factor of K.
     are_results : False for vectors that only span a basis, with residuals up to `MODE_RESIDUAL`. More exact vectors
-                  take twice the time, and beside needles they are rounding errors.
+                  take twice the time, and have only rounding errors at needles.
     Raises StaticsError if the modes do not converge, or if results are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:
@@ -341,7 +341,7 @@ def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) ->
 def _refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
     """Return eigenvalues (k,), vectors (N, k) and the last changes (k,) of the eigenvalues, by Davidson's method
     [1975]. If an edge is a ten-thousandth of the thickness, rounding makes Lanczos lose 2 % of mu, and even an exact
-    vector has a large residual. The eigenvalues still converge, because their error is the vector's squared."""
+    vector has a large residual. Eigenvalues still converge: their error is the square of the vector's error."""
     K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)
     Kx = (K @ x).astype(np.float64)
     for _ in range(REFINEMENTS):

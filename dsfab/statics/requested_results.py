@@ -43,7 +43,7 @@ class ResultRequest:
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
-        """Return the function that factorises the stiffness: a cache if the modes use the same factor again."""
+        """Return the function that factorises the stiffness, with a cache if the modes need the same factor again."""
         return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 

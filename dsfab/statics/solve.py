@@ -64,7 +64,7 @@ class Equilibrium:
 
     @property
     def bubbles(self) -> Floats | None:
-        """Bubbles (e, 2) along and across each edge, which strain the sheet; None with constant strain."""
+        """Bubbles (e, 2), metres, along and across each edge in the sheet; None for constant strain."""
         if "along" not in self.on_edges:
             return None
         return np.stack([self.on_edges["along"], self.on_edges["across"]], axis=1)
@@ -160,7 +160,7 @@ def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Element
 def equilibrium_of_unknowns(
     surface: Surface, load: LoadCase, elements: Elements, unbalanced: Floats, x: Floats, is_held: Bools
 ) -> Equilibrium:
-    """Return the equilibrium of unknowns x (u,), with compliance and residual set to 0.
+    """Return the equilibrium with the unknowns x (u,); its compliance and residual are set to 0.
 
     unbalanced : (u,) K x - f, with K without springs: the forces of all supports, rigid supports and springs."""
     corners, edges = np.split(x, [3 * surface.n])

@@ -47,7 +47,7 @@ class FaceStiffness:
     or no bending in a sheet that is solved in its plane.
     blocks  : (m, c, c) K_f, N/m.            unknown : (m, c) the free unknown of each row, `count` if it is fixed.
     places  : (nnz, m) matrix from factors s (m,) to the nonzero values of K.    indices, indptr : K's sparse pattern.
-    springs : (nnz,) stiffness of supports.  points, node : places, and the place of each free unknown.
+    springs : (nnz,) stiffness of supports.  points, node : points, and each free unknown's point.
     force   : (count, k) newtons, of each load."""
 
     blocks: Floats

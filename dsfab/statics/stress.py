@@ -76,8 +76,8 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
     sided  : true if values change their sign with the face's normal, as bending does.
 
     Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge,
-    averages keep large values that means of faces lose. On curved sheets, the load on a flat face bends each face by
-    itself; averages remove this false bending. A face across a fold from a corner has its own mean there."""
+    averages have large values that means of faces lack. On curved sheets, the load on a flat face bends each face by
+    itself; averages remove this false bending. At a corner, a face across a fold keeps its own mean."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -135,7 +135,7 @@ class SheetStress:
     frame           : (m, 2, 3) two orthonormal directions of each face's plane, for the components.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
     bending         : (m, 3 corners, 3) stress that bending adds at the bottom and subtracts at the top, 6 M / h^2, Pa.
-    smooth_membrane, smooth_bending : `vertex_averages` of both, for von Mises stress; constant stress unchanged.
+    smooth_membrane, smooth_bending : `vertex_averages` of both, for von Mises stress; constant stress is not averaged.
     membrane_energy : (m,) mean strain energy per area of each face, J/m2.
     bending_energy  : (m,) energy per area from bending; the sum of both over the sheet is half of its compliance.
 

@@ -32,8 +32,8 @@ from dsfab.surface import LoadCase, Surface
 INDEPENDENT = 1e-10
 """Least part of a basis vector outside the span of earlier vectors, as a fraction of it; less is a rounding error."""
 SAMPLES = (0.15, 0.85)
-"""Places of the solved thicknesses on a logarithmic scale from the thinnest (0) to the thickest sheet (1). Two
-solves at the ends would give buckling factors that are 1 % off in the middle."""
+"""Positions of the solved thicknesses on a logarithmic scale from the thinnest (0) to the thickest sheet (1). With
+solutions at 0 and 1, buckling factors in the middle would be wrong by 1 %."""
 DERIVATIVES = 2  # number of derivatives at each solved thickness; with one, buckling factors are wrong by 1 %
 MODES = 3  # number of each case's modes in the basis; the order of the lowest modes changes with the thickness
 CASES = 3  # number of cases with modes in the basis, those with most compression; they also serve the other cases
@@ -86,7 +86,7 @@ class ThicknessStiffness:
         return np.array([_without_negative_eigenvalues(part) for part in parts])
 
     def basis(self, vectors: Floats, thickness: float) -> Floats:
-        """Return independent vectors (u, b) with the span of `vectors` (u, c), orthonormal in K(thickness).
+        """Return independent vectors (u, b) that span the same space as `vectors` (u, c), orthonormal in K(thickness).
         The projected stiffness is then near the identity, and rounding makes it singular at no thickness."""
         K = self.matrix(thickness)
         weight = np.sqrt(K.diagonal())  # makes metres and radians comparable
@@ -111,7 +111,7 @@ def _without_negative_eigenvalues(part: Floats) -> Floats:
 
 
 def _independent_columns(columns: Floats) -> Floats:
-    """Return orthonormal columns (u, q) with the span of `columns` (u, k)."""
+    """Return orthonormal columns (u, q) that span the same space as `columns` (u, k)."""
     scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     q, r, _ = qr(scaled, mode="economic", pivoting=True)
     return np.asarray(q[:, np.abs(np.diag(r)) > INDEPENDENT])
@@ -123,7 +123,7 @@ class ThicknessBasis:
     sheet, loads : the sheet, and its loads by name at its own thickness.
     constant, per_metre : f0 and f1 (u, k), N and N/m.           vectors : (u, b) basis of the answers.
     reduced, modes : `projection` (3, b, b) on these vectors, and (3, s, s) on the buckling modes.
-    geometric : (b, s, s) negative geometric stiffness between modes, for each vector in a sheet 1 m thick."""
+    geometric : (b, s, s) products x_i . -K_g x_j of modes, for the stress of each vector in a sheet 1 m thick."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]

@@ -19,7 +19,7 @@ Nearer places belong to a kink of one side [Ma, Bae and Choi 2012]."""
 
 
 def torsion_share(ratio: Floats) -> Floats:
-    """Return the torsional stiffness of rectangles w x h over G w h^3 / 3, that of thin strips. ratio : (...) w / h.
+    """Return the torsional stiffness of rectangles w x h, divided by G w h^3 / 3 of thin strips. ratio : (...) w / h.
     For w > h the result is 1 - 0.63 h / w (1 - h^4 / 12 w^4). Otherwise w and h are exchanged in this formula, and the
     result is multiplied by w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
     ratio = np.maximum(ratio, 0.01)  # K with narrower ribs cannot be solved accurately

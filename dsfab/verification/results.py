@@ -102,7 +102,7 @@ def observed_rate(values: Sequence[float | None]) -> float | None:
 
 
 def pattern_spread(rows: Iterable[VerificationRow]) -> dict[tuple[str, str, int], float]:
-    """Return, for each (test, elements, cells), by how much (1 = 100 %) values of mesh patterns differ at most."""
+    """Return, for each (test, elements, cells), the largest relative difference between values of mesh patterns."""
     values: dict[tuple[str, str, int], list[float]] = {}
     for row in rows:
         if row.value is not None:

@@ -18,7 +18,7 @@ SHORT = 1e-3  # Two nodes of a member count as one if they are nearer than this 
 
 
 class BeamRow(NamedTuple):
-    """A beam: its nodes, local z, width and shift (m), its member, and `stout`, see `Beams`."""
+    """A beam: its nodes, local z, width and eccentricity (m), its member's number, and `stout`, see `Frame`."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -30,7 +30,7 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Beams as arrays, see `Frame`, which also explains `stout`."""
+    """Beams as arrays. `Frame` has the same values, and explains them."""
 
     ends: Ints
     normal: Floats
@@ -133,7 +133,7 @@ def _divide_bay(
         fine, clear = fine % member.length, clear % member.length
     bent = np.interp(fine, axis.s, np.hypot(axis.kg, axis.kn)).mean() * (t - s)
     width = np.interp(clear, axis.s, member.width)
-    # along a beam the axis bends by at most 5 degrees; widths differ by a factor of at most 1.25
+    # a beam bends by at most 5 degrees and tapers by a factor of at most 1.25, if it is longer than half its width
     parts = max(np.degrees(bent) / 5.0, np.log(width.max() / width.min()) / np.log(1.25))
     count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
     cuts = np.linspace(s + half[0], t - half[1], count + 1)
@@ -178,7 +178,7 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
     """Return forces and moments (n, 6), N and Nm, at nodes, from forces on the vertices V (v, 3) of a sheet.
-    Each force acts at the nearest point on the axes, with its moment about that point. Both are divided
+    Each force is moved to the nearest point on the axes, with its moment about that point. Both are divided
     between the beam's nodes as between supports of a simple beam. Total force and moment are those of the sheet."""
     loads = np.zeros((len(points), 6))
     ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
@@ -259,7 +259,7 @@ def _reach(V: Floats, group: Ints) -> Floats:
 
 
 def fixed_in_plane(fixed: Bools, axis: int) -> Bools:
-    """Return the supports (n, 6) of a plane frame, also fixed normal to its plane, along the global `axis`."""
+    """Return the supports (n, 6) of a plane frame that cannot leave its plane, whose normal is the global `axis`."""
     still = fixed.copy()
     still[:, axis] = True
     still[:, [3 + k for k in range(3) if k != axis]] = True

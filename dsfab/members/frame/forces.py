@@ -198,7 +198,7 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """Return line forces of twist (e, 3), N, on free edges at ends of lines, divided by the number of planes."""
+    """Return forces (e, 3), N, of the twisting moment on free edges at ends of lines, divided by `PLANES`."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))

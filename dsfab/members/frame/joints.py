@@ -25,7 +25,7 @@ def fitting(halves: Floats, length: float) -> Floats:
 class AxisJoints:
     """Nodes on the axes of members, collected step by step.
     points, names : of the nodes.    on : by member, pairs (arc length, node number) of the nodes on its axis.
-    links  : pairs of nodes that the sheet joins, and the width of that joint, metres.
+    links  : (node, node, width in metres) for two nodes that the sheet joins beside the axes.
     ends   : by member, begin and end of its beams, metres along its axis.
     grazed : nodes at which members share material beside their middle lines."""
 
