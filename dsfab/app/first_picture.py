@@ -56,7 +56,7 @@ class FirstPicture:
 
     @contextmanager
     def restore_on_error(self) -> Iterator[None]:
-        """Run the `with` block, which overwrites the picture; after an error restore the file from before the sketch."""
+        """Run the `with` block, which overwrites the picture; after an error restore the earlier file."""
         try:
             yield
         except BaseException:
