@@ -225,7 +225,7 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 
 def add_hubs(joints: AxisJoints) -> None:
-    """Add a hub (central node) and links (spokes) to discs of 3 nodes or more. Spoke widths sum to its perimeter.
+    """Add a hub (central node) and links (spokes) to each disc of 3 nodes or more. Spoke widths sum to the ring length.
     Let a be the radius and t the thickness of the disc. Under a load P on the hub the spokes deflect by 0.159 P a^2 /
     (E t^3), with 0.159 = 1 / 2 pi. A clamped plate deflects by 0.217 P a^2 / (E t^3); the ratio is 0.73. With simple
     supports the factors are 0.637 and 0.552; the ratio is 1.15 [Timoshenko, Woinowsky-Krieger 1959, 19]."""
