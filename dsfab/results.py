@@ -22,7 +22,7 @@ from dsfab.surface.fields import CornerField, DividedField
 class CaseResult:
     """Load, equilibrium and stress of a load case or a combination.
     sigma   : (m, 3, 3) Pa, stress of the middle surface, or of the lower side of a flat sheet that only bends.
-    answers : further results of the sheet; elements other than those of `equilibrium` may compute them.
+    answers : further results of the sheet, if necessary by other elements than those of `equilibrium`.
     factors : factor of each case in a combination; None for a case.
     layered : (m, 3, 3) Pa, stress of all layers (`layer_stress`), if the pattern follows it; else None."""
 
@@ -75,7 +75,7 @@ class StripeSteering:
     """Changes of the stripes' directions by guides or symmetry.
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
     guided : (m,) weight of guides; at 1 they count as much as a clear direction of stress.
-    over   : (m,) True for exchanged families: the major stripes run along the second principal stress.
+    over   : (m,) True where the families are exchanged: major stripes run along the second principal stress.
     told   : a sentence for the user on these directions, or ''."""
 
     along: Floats
@@ -88,12 +88,12 @@ class StripeSteering:
 class EvenStripes:
     """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
 
-    phases  : phases of the finest possible lines of each family; not all of these lines are used.
-    wanted  : for each family and level of halving, from the finest, (m,) share of each face with lines of this level.
-    slope   : (n, 2) possible lines per metre.    density : (n, 2) used lines per metre.
-    first   : number of the family whose finer lines are drawn before those of the second family.
+    phases  : phases of each family's finest lines; halving removes some of these lines.
+    wanted  : for each family, and each level of halving from the finest, (m,) share of a face that has such lines.
+    slope   : (n, 2) finest lines per metre.    density : (n, 2) lines per metre after halving.
+    first   : number of the family whose finer lines are added first, 0 or 1.
     chart   : the surface divided where lines end, with both phases: for pictures and measures.
-    symmetry : mirrors and turns of the stripes; None without any.
+    symmetry : reflections and rotations that leave the stripes unchanged; None without any.
     steered  : changes of the stripes' directions by guides or symmetry; None without changes.
     forces   : (m, 2) principal stresses that the stripes follow, Pa; None for those of the uncut sheet."""
 
@@ -182,30 +182,30 @@ class Attempt(NamedTuple):
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, float]:
         """Sort key, the best attempt first: not refused, no dead ends, no plate, no slits, then the stiffest.
-        The stiffness is per share of material, with three digits: rounding must not decide between mirror images."""
+        Compliance is multiplied by the share of material and rounded, so that mirror images have equal ranks."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.plate > 0, self.slits > 0, soft
 
 
 @dataclass(frozen=True, eq=False)
 class PatternResult:
-    """Stage 4: named linear fields, and the level values at which each field is cut (see `dsfab.slicing.cutting.cut`).
+    """Stage 4: named fields, linear on faces, and the values at which each field is cut (`dsfab.slicing.cutting.cut`).
 
-    fields      : values at the vertices, (n,), or (n, 2) for stripes of varying width. A place is material if an odd
+    fields      : values at the vertices, (n,), or (n, 2) for stripes of varying width. A point has material if an odd
                   number of levels lies below its value. Evenly spaced stripes have fields at corners of faces. A
                   family may have several fields: its coarse lines first, then the lines between these. Kept regions
                   have fields on divided faces, two for `keep`: one for patches, one for points and curves.
-    half_widths : (n,) for each field. For the families, material is |z - k| < d with integer k; for other fields d is
-                  infinite. On modes, z is frequency x + phase; on even stripes, z is the phase of the used lines.
-    factor      : factor on the widths for reaching pattern.width.solid_fraction; 1 without it.
+    half_widths : (n,) d for each field. A family has material where |z - k| < d for an integer k. On modes, z is
+                  frequency x + phase; on even stripes, the phase of the used lines. d of other fields is infinite.
+    factor      : factor on the widths, which gives pattern.width.solid_fraction; 1 without this key.
     frequency   : of the major and of the minor stripes; it results from `spacing` if the preset has that key.
     mode, phase : of both families; for `auto` the result.
     choice      : trials for `auto`; None without trials.
     even        : lines of evenly spaced stripes; None for stripes on modes.
-    asked       : [pattern] with the results of `auto`; None without `auto`.
-    tidy        : stripes for the cut to remove, because they lead nowhere; None if there are none.
+    asked       : the preset's section [pattern] with results in place of `auto`; None without `auto`.
+    tidy        : stripes that the cut removes, because they lead nowhere; None if there are none.
     attempts    : trials for the method `auto`, best first; empty for another method.
-    trial       : the last cut of the search for widths, for slicing to continue from; not pickled."""
+    trial       : the last cut of the search for widths, which slicing uses again; not pickled."""
 
     names: tuple[str, ...]
     fields: tuple[Floats | CornerField | DividedField, ...]
@@ -270,7 +270,7 @@ class FilledOpenings(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SlicingResult:
-    """Stage 5: all cells, the remaining sheet, its pieces (largest first), and the number of mended pinches.
+    """Stage 5: all cells, the remaining sheet, its pieces (largest first), and how many point contacts were mended.
     plate : filled openings that form a plate with a ragged edge, or None."""
 
     cells: Sheet

@@ -130,7 +130,7 @@ def build(
 def _format(word: str) -> str:
     suffix = format_suffix(word)
     if suffix == CALCULIX_SUFFIX:
-        raise ExportError(f"format {word!r} is not a file of a build; write it with dsfab export --to {CALCULIX}")
+        raise ExportError(f"a build does not write the format {word!r}; use dsfab export --to {CALCULIX}")
     return ALIASES.get(suffix, suffix)[1:]
 
 

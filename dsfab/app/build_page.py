@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dsfab.report.design.save import Announcements, SavedDesign
     from dsfab.study.carrying import Carrying
 
-LINES = 25  # Number of lines that a build prints by default: what fits on a small terminal with the command above.
+LINES = 25  # Number of lines that a build prints by default. They fit on a small terminal, with the command above them.
 
 USER_STAGES = ("surface", "statics")
 """Stages whose notes a user should know: how dsfab understood the surface and the loads. Notes of later stages tell
@@ -75,7 +75,7 @@ class BuildPage:
         self.faulty = judged.outcome == "does not carry"
         self.print_lines([verdict_line(name, judged)])
         if self.faulty:
-            if self.output.quiet:  # the verdict is an error, which --quiet prints
+            if self.output.quiet:  # a failed verdict is an error, and --quiet prints errors
                 sys.stderr.write(f"dsfab: {verdict_line(name, judged)}\n")
             self.print_lines([f"you must act: {cure_line(judged, sizing_result(design) is not None)}"])
         self.print_lines(figure_lines(judged))

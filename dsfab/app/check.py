@@ -61,7 +61,7 @@ class Reading:
     density: Annotated[float, Parameter(help="kg/m3, for the mass [the preset's].")] = 0.0
 
     def contents(self, file: Path, deflection: float) -> "FileContents":
-        """Read a file; `deflection` (m) is the largest distance of triangles from the curved faces of STEP."""
+        """Read a file; `deflection` (m) is the largest distance of its triangles from curved faces of STEP."""
         from dsfab.study.file_check import read_shipped
         from dsfab.surface import DEFAULT_TRIANGLES
 

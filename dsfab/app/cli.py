@@ -66,7 +66,7 @@ app.command("dsfab.app.bench:bench", name="bench", help="Time presets stage by s
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     words = sys.argv[1:] if arguments is None else list(arguments)
-    if arguments is None:  # fewer garbage collections: imports are a tenth faster
+    if arguments is None:  # fewer garbage collections, so that imports take a tenth less time
         gc.set_threshold(100_000, *gc.get_threshold()[1:])
     try:
         with warnings.catch_warnings():
@@ -89,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return ExitCode.DONE
     except MemoryError as error:
         return _fail(ExitCode.BUG, f"the memory is too small; make the mesh coarser{_details(words, error)}")
-    except Exception as error:  # handler of last resort for bugs
+    except Exception as error:  # any other error is a bug
         if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
             return _fail(ExitCode.REFUSED, f"the name {str(error.filename)[:40]}... is too long; choose a shorter name")
         return _fail(ExitCode.BUG, f"dsfab made a mistake, and nothing was written{_details(words, error)}")

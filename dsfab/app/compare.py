@@ -236,7 +236,7 @@ def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> 
         if not shares:
             raise
         reporter.print_line(f"compare     the design is left out at its own share of the surface: {error}")
-    # one solve is enough for a cut sheet, but makes an uncut sheet with a coarse mesh a quarter too soft
+    # one mesh suffices for a cut sheet, but on a coarse mesh an uncut sheet would be a quarter too soft
     judge = checks.judge(questions.level or "whole")
     for share in shares:
 
@@ -289,7 +289,7 @@ FILES = ("summary.html", "summary.csv")
 SummaryRow = dict[str, Any]
 """Row of the summary: `name`, `folder`, `error`, and without an error the results of the design, None if unknown:
 `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`, and for each
-competitor `NAME_ratio`: the competitor's compliance over the design's."""
+competitor `NAME_ratio`: the competitor's compliance, divided by the design's."""
 
 
 @dataclass(frozen=True)
@@ -389,7 +389,7 @@ def compare(
 
     Each design is solved on its own cut mesh under the same loads; the stiffest has the smallest compliance. Writes a
     report for an engineer (report.html, report.pdf), results.csv and results.json, and with --volumes a chart of
-    compliance over mass. Several presets are compared in turn, also after an error, and summary.html has a line for
+    compliance against mass. Several presets are compared in turn, also after an error, and summary.html has a line for
     each. The exit code is 5 if a design does not carry its loads.
 
     Parameters

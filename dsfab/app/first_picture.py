@@ -1,4 +1,4 @@
-"""A process for pictures: it draws a sketch while this process computes the widths, and then the finished structure.
+"""A second process for pictures: it draws a sketch during the computation of widths, then the finished structure.
 
 The process loads the drawing libraries during the computation; this module imports no drawing library."""
 
@@ -18,7 +18,7 @@ PROGRAM = (
     "import gc, sys; gc.disable(); sys.path.append(sys.argv[1]); from dsfab.render.sketch_program import main; "
     "main('sketches' in sys.argv)"
 )
-"""Program of the drawing process; without garbage collection its imports are a tenth faster."""
+"""Program of the drawing process. Without garbage collection its imports take a tenth less time."""
 
 SKETCH_SECONDS = 60.0  # Longest wait for a sketch, in seconds, after the widths are known.
 
@@ -56,7 +56,7 @@ class FirstPicture:
 
     @contextmanager
     def restore_on_error(self) -> Iterator[None]:
-        """Run the body, which overwrites the picture's file; after an error restore the file from before the sketch."""
+        """Run the `with` block, which overwrites the picture; after an error restore the earlier file."""
         try:
             yield
         except BaseException:

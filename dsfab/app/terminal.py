@@ -88,7 +88,7 @@ def print_lines(lines: Iterable[str]) -> None:
 
 @contextmanager
 def signals_as_interrupts() -> Iterator[None]:
-    """Treat SIGTERM and a closed terminal as Ctrl-C in the body, so that the body can clean up."""
+    """Treat SIGTERM and a closed terminal as Ctrl-C in the `with` block, so that the block can clean up."""
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     if threading.current_thread() is not threading.main_thread():
         numbers = []

@@ -84,7 +84,7 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""Head of the table. `of limit` is the value over the exact answer of a thin sheet, if that is not the reference."""
+"""Head of the table. `of limit` is the value divided by a thin sheet's exact answer, if that is not the reference."""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 
@@ -104,8 +104,8 @@ def verify(
 ) -> int:
     """Solve plates, beams, shells and vessels with published answers, and print the error of each pair of elements.
 
-    The exit code is 1 if a pair that dsfab reports from misses the tolerance of a test on its finest mesh (README,
-    "Can I trust it?").
+    The exit code is 1 if a pair for reports misses the tolerance of a test on its finest mesh (README, "Can I trust
+    it?").
 
     Parameters
     ----------

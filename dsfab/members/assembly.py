@@ -15,19 +15,19 @@ from dsfab.results import PatternResult
 from dsfab.slicing import Overlay, Sheet, stripe_overlay
 from dsfab.surface import Surface
 
-TIE = 1e-3  # Positions along the structure are equal if they differ by less than this share of its size.
+TIE = 1e-3  # Positions along the structure are equal if they differ by less than this fraction of its size.
 ROUND, HOLLOW = 0.5, 0.4
-"""Members form a ring if two ratios of their centroids exceed these values. ROUND : spread in the second over
-spread in the first principal direction. HOLLOW : least over largest distance from the centre."""
+"""Members form a ring if two ratios of their centroids exceed these values. ROUND : the spread in the second principal
+direction, divided by that in the first. HOLLOW : the smallest distance from the centre, divided by the largest."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     """Return the order (k,) of members along a structure, from centroids (k, 3) and lengths (k,), metres.
     size : largest dimension of the structure, metres.
 
-    A ring is ordered counter-clockwise from the x axis, seen from above. Members that form no ring follow the direction
-    of their largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the
-    member with the smaller x, y, z."""
+    A ring is ordered counter-clockwise from the x axis, seen from above. Members that form no ring are ordered along
+    the direction of their largest spread, towards larger x, y or z. At equal positions the shorter member is first,
+    then the member with the smaller x, y, z."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)
@@ -50,13 +50,13 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
 
 
 def _pointing(axes: Floats) -> Floats:
-    """Reverse unit vectors (d, 3) where necessary, so that the largest coordinate of each is positive."""
+    """Reverse unit vectors (d, 3) where necessary, so that each one's coordinate of largest magnitude is positive."""
     largest = np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1)
     return np.asarray(axes * np.where(largest < 0, -1.0, 1.0))
 
 
 def _steps(values: Floats, gap: float) -> Ints:
-    """Return ranks (k,) of values (k,); neighbours in sorted order share a rank unless they differ by over `gap`."""
+    """Return ranks (k,) of values (k,). Consecutive sorted values have equal ranks if they differ by at most `gap`."""
     order = np.argsort(values, kind="stable")
     steps = np.empty(len(values), dtype=np.int64)
     steps[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])

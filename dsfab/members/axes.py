@@ -15,8 +15,8 @@ from dsfab.slicing import Overlay
 from dsfab.surface import Surface, chains
 
 TURN = np.radians(60)
-"""A line that turns in the surface by more than this angle within `WINDOW` widths is divided into two members."""
-WINDOW, STEPS = 1.5, 4  # Length over which turns are measured, in widths, and number of points along this length.
+"""A line is divided into two members if it bends within the surface by more than this angle along `WINDOW` widths."""
+WINDOW, STEPS = 1.5, 4  # Length along which bends are measured, in widths, and number of points along this length.
 SPECK = 1.0  # Lines shorter than this many widths are dropped if the same stripe has a longer line.
 
 
@@ -55,7 +55,7 @@ class MiddleLine:
         return float(self.s[nearest] + t[nearest] * (self.s[nearest + 1] - self.s[nearest]))
 
     def opened_at(self, index: int) -> "MiddleLine":
-        """Return the closed line with its point `index` as begin and end."""
+        """Return the closed line with its point `index` as the first and the last point."""
         around = np.concatenate([np.arange(index, len(self.points)), np.arange(1, index + 1)])
         return MiddleLine(self.points[around], self.normals[around], np.roll(self.cells, -index))
 
@@ -66,8 +66,8 @@ class MiddleLine:
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
     """Return the middle lines of the stripes of field k, by stripe, the longest first.
-    There the field's `offset` (m, 3) at the corners of cells, which is never exactly 0, changes its sign. At both ends
-    of an edge, its two cells have offsets of equal signs, or of opposite signs.
+    On these lines the field's `offset` (m, 3) changes its sign; it is given at the corners of cells and is never 0. The
+    offsets of two neighbouring cells have equal signs at both ends of their edge, or opposite signs at both.
     normals : (n, 3) unit normals at the vertices of the overlay."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
     sign = np.sign(offset)
@@ -95,7 +95,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return the places (c, 2) with offset 0 on sides (c, 2) of cells, from 0 at the lower vertex number to 1."""
+    """Return where the offset is 0 on sides (c, 2) of cells: (c, 2), 0 at the lower vertex number, 1 at the other."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -109,9 +109,9 @@ def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
-    """Divide a line where it turns back in the surface.
-    The angle of a turn is measured over 1.5 times the member's `width`, or one mean `edge` if longer (m). Short parts
-    at both ends are dropped, because the line turns towards the rim around the end of a kept support."""
+    """Divide a line at bends within the surface of more than `TURN`.
+    A bend is measured along 1.5 times the member's `width`, or along one mean `edge` if that is longer (m). Short parts
+    at both ends are dropped: there the line bends towards the rim around a kept support."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)
@@ -144,7 +144,7 @@ def _without_hooks(parts: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 
 def _turns(line: MiddleLine, x: Floats) -> Floats:
-    """Return angles (k,), radians, by which a line turns in the surface over a window around arc lengths x (k,)."""
+    """Return angles (k,), radians, by which a line bends within the surface in a window around arc lengths x (k,)."""
     columns = ([np.interp(x, line.s, column) for column in y.T] for y in (line.points, line.normals))
     points, normals = (np.stack(column, axis=1) for column in columns)
     turn = _turning(np.diff(points, axis=0), normals, line.closed)
@@ -182,7 +182,7 @@ def _bend(turn: Floats) -> tuple[int, int]:
     return begin, end
 
 
-KNOTS, COARSE = 4.0, 2.0  # Knots are KNOTS widths of the member apart, or COARSE edges of the mesh if this is more.
+KNOTS, COARSE = 4.0, 2.0  # Knots of an axis are 4 widths of the member apart, or 2 edges of the mesh if that is longer.
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,7 @@ class MemberAxis:
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
     kn : (k,) normal curvature, positive towards N: T' . N.    tg : (k,) geodesic torsion: -N' . B.
     closed  : True if the last station equals the first.
-    traced  : (k,) length of the middle line up to each station.    strayed : largest distance from this line."""
+    traced  : (k,) length of the middle line up to each station.    strayed : the axis' largest distance from it."""
 
     s: Floats
     P: Floats
@@ -225,7 +225,7 @@ class MemberAxis:
         return P, unit_vectors(T), unit_vectors(N)
 
     def station(self, traced: float) -> float:
-        """Return the arc length of the axis at an arc length of the middle line."""
+        """Return the arc length (m) on the axis that belongs to the arc length `traced` (m) on the middle line."""
         return float(np.interp(traced, self.traced, self.s))
 
 
@@ -263,8 +263,8 @@ def _axis_with_knots(line: MiddleLine, step: float) -> MemberAxis:
 
 
 def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpline:
-    """Return a smoothing spline through values y (q, d) at x (q,), with `spans` spans of the length `step` from 0."""
-    degree, penalty = 3, 1e-3  # the penalty is the weight of third differences
+    """Return a smoothing spline through values y (q, d) at x (q,): `spans` pieces of length `step`, from x = 0."""
+    degree, penalty = 3, 1e-3  # weight of the coefficients' third differences
     t = step * np.arange(-degree, spans + degree + 1)
     design = csr_array(BSpline.design_matrix(np.clip(x, 0, step * spans), t, degree))
     count = design.shape[1]
@@ -286,7 +286,7 @@ def sides(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
     is_left = np.einsum("ei,ei->e", middle - axis.P[station], axis.B[station]) >= 0
     widths = np.zeros((len(axis.s), 2))
     for column, side in enumerate((is_left, ~is_left)):
-        rows = np.flatnonzero(side & (cosine > 0.5))  # edges across the axis are ends of the member
+        rows = np.flatnonzero(side & (cosine > 0.5))  # edges at a large angle to the axis are ends of the member
         if len(rows):
             offset = np.concatenate([a[rows], b[rows]]) - np.tile(axis.P[station[rows]], (2, 1))
             T, B = (np.tile(x[station[rows]], (2, 1)) for x in (axis.T, axis.B))

@@ -16,7 +16,7 @@ from dsfab.surface import CornerField, DividedField, Surface, link_components
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
 """Kinds of members, see `dsfab.members.graph.Member`; kept material has the kind "keep" before its shape is known."""
 FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
-NOWHERE = 10.0  # Offset in a region without a middle line, larger than any real offset.
+NOWHERE = 10.0  # Offset that stands for "no middle line" in a region, larger than any real offset.
 
 
 class NamedBand(NamedTuple):
@@ -57,8 +57,8 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """Return the shape and the band of kept material, from values x at the vertices of the sheet. "reach": all within a
-    distance from a place, x (n,). "plate": a region, x (n,). "band": along its outline, x (n, 2)."""
+    """Return the shape and the band of kept material, from values x (n,) or (n, 2) at the vertices of the sheet.
+    "reach": all points near a place. "plate": a region. "band": a strip along a region's outline, with x (n, 2)."""
     zero = np.zeros(1)
     if x.ndim == 2:  # column 0 is positive in the region; column 1 at its outline is minus the width
         width = -float(x[:, 1].min())
@@ -70,9 +70,9 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 
 
-DISC = 0.4  # Kept material is a disc if its area exceeds this share of the area of a circle with an equal perimeter.
+DISC = 0.4  # Kept material is a disc if its area exceeds this fraction of the area of a circle with an equal perimeter.
 HIDDEN, COVERED = 0.05, 0.3
-"""A strip (HIDDEN) or kept material (COVERED) is a member only if it is on top in more than this share of its area."""
+"""A strip (HIDDEN) or kept material (COVERED) is a member only if more than this fraction of its area is visible."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +146,8 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
-    """Return True for connected cells (c,) on one side of their band's middle that are shorter than the band is wide.
-    Cutting and fairing leave such pieces of a few millimetres at vertices. An axis through them has no meaning."""
+    """Return True if connected cells (c,) lie on one side of their band's middle and are shorter than the band is wide.
+    Cutting and fairing leave such pieces, a few millimetres long, at vertices. They need no axis."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False
@@ -246,7 +246,7 @@ class CellsByStripes(NamedTuple):
 
 def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> CellsByStripes:
     """Return the cells of a sheet that was cut from `surface` along a pattern, labelled by their stripes.
-    A disc around a point is one region, because the ends of stripes below it would divide it."""
+    A disc around a point stays one region; the ends of stripes below the disc do not divide it."""
     bands = pattern_bands(surface, sheet, pattern)
     overlay = stripe_overlay(sheet, surface, [band.drawn for band in bands])
     part, round_ = overlay.part.copy(), roundness(overlay)

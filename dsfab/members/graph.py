@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import compas.datastructures
 
 EXACT = 2.0**-30
-"""Offsets nearer to 0 (periods or metres) count as this value, with the sign of the offset at the edge's first end.
+"""Offsets nearer to 0 (periods or metres) are moved to this value, with the sign of the offset at the edge's first end.
 Then a crossing on an edge is in exactly one of its two cells."""
 
 
@@ -125,7 +125,7 @@ class Member:
     """A named part of a sheet.
 
     id     : "A07", "B12b", "rim 1": letters for the families, numbers along the structure, small letters for parts of
-             one stripe that turns back or branches.
+             one stripe that bends back or branches.
     kind   : strip, or stub if it is less than twice as long as wide; rim and band along edges; ring and disc around
              kept places; plate and fill without an axis.
     family : family of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
@@ -291,7 +291,7 @@ def stations_of_nodes(members: Sequence[Member], nodes: Sequence[Node]) -> dict[
     return stations
 
 
-ENDS = 1.0  # A member ends at a node if its length beyond the node is below this share of the crossing member's width.
+ENDS = 1.0  # A member ends at a node if it continues by less than this many widths of the crossing member.
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,9 +79,9 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 
 FOLLOWS, INTO = 3.0, 1.5
-"""A line follows kept material if its length inside exceeds FOLLOWS widths of the material. A crossing at 20
-degrees has a length of 2.9 widths. A line that follows ends INTO widths after its entry, beyond the middle of the
-material, so that it meets the middle line there."""
+"""A line follows kept material if its length inside exceeds FOLLOWS widths of the material. For comparison, a line that
+crosses at 20 degrees is inside for 2.9 widths. A line that follows ends INTO widths after its entry, beyond
+the middle line of the material, so that both lines meet."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:

@@ -71,9 +71,9 @@ def solve_statics(
 def solve_for(
     sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | Aid, bars: bool = False
 ) -> dict[str, Equilibrium]:
-    """Solve load cases with the elements of a use (`USES`); return the equilibria by name. bars : see `solve_cases`.
-    On needles, very flat triangles in cut sheets, the more accurate elements may fail. Then other elements solve the
-    sheet (see `Equilibrium.elements`). Raises StaticsError as `solve_cases`."""
+    """Solve load cases with the elements for a use (a key of `USES`); return the equilibria by name.
+    If accurate elements fail on needles (very flat triangles of cut sheets), other elements solve the sheet, see
+    `Equilibrium.elements`. bars and errors : as `solve_cases`."""
     elements = elements_of(use)
     try:
         return solve_cases(sheet, loads, elements, bars=bars)
@@ -93,8 +93,8 @@ def solve_cases(
 ) -> dict[str, Equilibrium]:
     """Solve several load cases on the same supports with one factorisation; return the equilibria by name.
     spreads      : for each case, its load on faces and edges (see `equilibrium`); None without such loads.
-    combinations : for each combination, the factor of each case; combinations follow the cases in the result.
-    bars         : true if ribs twist as bars with a rectangular section do, see `torsion_loss`.
+    combinations : for each combination, the factor of each case. The result has the cases first, then the combinations.
+    bars         : true to reduce the torsional stiffness of ribs to that of rectangular bars (`torsion_loss`).
     Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases."""
     sums = dict(combinations or {})
     for name, factors in sums.items():

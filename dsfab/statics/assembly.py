@@ -1,4 +1,4 @@
-"""Assembly of a stiffness from 3 x 3 blocks between pairs of vertices, and hinges between pairs of faces."""
+"""Assembly of a stiffness from 3 x 3 blocks, one for each pair of vertices; pairs of neighbouring faces (hinges)."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,8 +32,8 @@ def hinges(surface: Surface) -> Ints:
 def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
     """Return the gradients (i, 4, 3), 1/m, of the angles at hinges (i, 4), and the weights (i,): l^2 / (A1 + A2).
 
-    The opposite vertices have heights h2, h3 above the edge. If they move along the faces' normals, the angle changes
-    by n2 / h2 and n3 / h3. The gradients at both ends of the edge follow, because rigid motions change no angle."""
+    The gradients at the opposite vertices are n2 / h2 and n3 / h3: the normal of the face, divided by the vertex's
+    distance to the edge. The gradients at the edge's ends follow, because rigid motions change no angle."""
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
     edge = p1 - p0
     length = np.linalg.norm(edge, axis=1)
@@ -48,7 +48,7 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
 
 
 Index = npt.NDArray[np.integer[Any]]
-"""Integers of 4 bytes, because a sparse matrix stores an index for every entry."""
+"""Integers of a sparse matrix. Four bytes each save memory, because every entry of the matrix has an index."""
 
 CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 """The six pairs of the four vertices of a hinge, see `hinges`."""
@@ -57,10 +57,10 @@ CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
     """Pairs of vertices that are coupled in a stiffness matrix, and the places of their blocks in it.
-    ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: the ends of all edges, and
-               the opposite vertices of all hinges if the elements have hinges.
+    ends     : (p, 2) the pairs in ascending order, the smaller vertex first: the ends of all edges and, if the
+               elements have hinges, the opposite vertices of all hinges.
     of_edge  : (e,) number of the pair of each edge.
-    opposite : (i,) number of the pair of opposite vertices of each hinge, p if both are equal; () without hinges."""
+    opposite : (i,) number of each hinge's pair of opposite vertices, p if they are one vertex; () without hinges."""
 
     n: int
     ends: Ints
@@ -92,11 +92,11 @@ class VertexPairs:
 
     @cached_property
     def _block_positions(self) -> tuple[Index, Index, Index]:
-        """Row pointers, columns and block numbers of the matrix in blocks. Blocks: p above the diagonal, the same p
-        below the diagonal, then n on the diagonal."""
+        """Row pointers, columns and block numbers of the matrix. The numbers count p blocks above the diagonal, then
+        p blocks below the diagonal, then n blocks on the diagonal."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
-        # in this order the columns of each row ascend without sorting
+        # this order gives ascending columns in each row without sorting
         row, column = np.concatenate([high, vertex, low]), np.concatenate([low, vertex, high])
         begin = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=self.n))]).astype(np.int32)
         order = np.argsort(row, kind="stable")
@@ -106,7 +106,7 @@ class VertexPairs:
     def matrix(self, blocks: "PairBlocks") -> csr_array:
         """Return the stiffness (3 n, 3 n) of these blocks; the columns of each row ascend."""
         begin, column, number = self._block_positions
-        # positions of blocks take a ninth of the memory of positions of entries
+        # one position for each block of nine entries needs a ninth of the memory of one position for each entry
         all_blocks = np.concatenate([blocks.between.T, _transposed_blocks(blocks.between).T, blocks.own.T])
         values = all_blocks[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
@@ -124,7 +124,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Return the stiffness with blocks `between` (9, p); rows sum to 0, because a rigid shift causes no force."""
+        """Return the stiffness with blocks `between` (9, p). Rows sum to 0, because a rigid shift causes no force."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):
@@ -146,7 +146,7 @@ def _transposed_blocks(blocks: Floats) -> Floats:
 
 
 def summed_blocks(u: Floats, v: Floats, pair: Ints, count: int) -> Floats:
-    """Return the sums (9, count) of the 3 x 3 blocks u v^T with the same pair number. u, v : (3, k).
+    """Return, for each pair number, the sum of the 3 x 3 blocks u v^T with this number: (9, count). u, v : (3, k).
     pair : (k,) numbers from 0 to `count`; blocks with the number `count` are left out."""
     return np.stack([np.bincount(pair, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
 

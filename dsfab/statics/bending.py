@@ -29,7 +29,7 @@ from dsfab.surface.mesh import Surface
 
 
 def curvatures(surface: Surface) -> Floats:
-    """Return the curvature (m, 3, 12), (xx, yy, 2 xy), of each face for unit moves of corners and rotations of edges.
+    """Return each face's curvature (m, 3, 12), (xx, yy, 2 xy), for unit moves of corners and rotations of edges.
 
     Let t be the direction of a half-edge j -> k, m = t x n the direction out of the face, and w = u . n. Let omega be
     the rotation about the edge in the edge's global direction, and s = 1 if the half-edge has this direction, else -1.
@@ -61,8 +61,8 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    K_b converges to Kirchhoff's plate on every mesh, from the soft side. The deflection of a plate of 16 x 16 cells is
-    1.3 % (simply supported) to 8 % (clamped) too large."""
+    K_b converges to Kirchhoff's plate on every mesh; coarse meshes are too soft. The deflection of a plate
+    with 16 x 16 cells is 1.3 % (simply supported) to 8 % (clamped) too large."""
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
     return assemble_blocks(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
@@ -73,17 +73,17 @@ GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))
 
 
 def moment_loads(surface: Surface) -> Floats:
-    """Return the work (m, 3 hats, 3 moments, 12) of unit moments xx, yy, xy times each hat function lambda_a.
-
-    Columns: unit deflections w of the corners; unit bubbles, rotations and slopes of the half-edges. The work is
+    """Return the work (m, 3 corners a, 3 moments, 12 unknowns) of unit moments M (xx, yy, xy) times lambda_a.
+    lambda_a is linear on the face, 1 at corner a and 0 at the other corners.
+    Unknowns: deflections w of the corners; bubbles, rotations and slopes of the half-edges. The work is
 
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
     with m pointing out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
-    The rotation has the half-edge's sign s. The slope has no sign, because it is odd along the edge."""
+    A rotation theta has the half-edge's sign s. A slope has no sign, because it is an odd function along the edge."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
-    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slopes of hats along m
+    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slopes along m of the lambda_a
     sign = half_edge_signs(surface)
     rows = np.zeros((surface.m, 3, 3, 12))
     rows[..., 3:6] = (8 / 3 * surface.areas[:, None, None] * voigt(slope, np.roll(slope, -1, axis=1))).transpose(
@@ -105,8 +105,8 @@ def moment_loads(surface: Surface) -> Floats:
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    The form is *decoupled*: the bubble along an edge's mean normal bends the faces, the other two bubbles stretch
-    them. If all three were coupled, coarse thin curved meshes would be far too stiff."""
+    Only the bubble along an edge's mean normal bends the faces; the other two bubbles only stretch them. If each
+    bubble did both, coarse meshes of thin curved sheets would be far too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)

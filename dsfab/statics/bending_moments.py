@@ -16,10 +16,10 @@ from dsfab.surface.mesh import Surface
 
 
 def facet_number(surface: Surface, thickness: float) -> float:
-    """Return L^2 / (R h), the median over the edges: edge length times fold angle over the thickness.
-    A load on a flat face of a curved sheet bends the face between its edges. For spheres under pressure and `hhj`, the
-    largest stress was too large by 0.8 to 0.9 times this number. A typical stress was wrong by 0.05 times the number,
-    the energy by 1.1 times the number's square. `midedge` has no unknown for this bending."""
+    """Return L^2 / (R h), the median of all edges: an edge's length times its fold angle, divided by the thickness.
+    A load on a flat face of a curved sheet bends the face between its edges. This causes relative errors with `hhj`.
+    On spheres under pressure the largest stress is too large by 0.8 to 0.9 times this number. A typical stress is wrong
+    by 0.05 times this number, the energy by 1.1 times its square. `midedge` has no unknown for this bending."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0
@@ -35,11 +35,11 @@ def face_moments(
 
     answer : solution by `elements`. A sheet that was solved in its plane has no moments.
 
-    `midedge` : constant on each face. Means over faces are right to the order of the mesh width.
-    `hhj`     : linear on each face: the eliminated moments, recovered [Hellan 1967].
+    `midedge` : constant on each face. The error of a mean of many faces is proportional to the mesh width.
+    `hhj`     : linear on each face, computed again from the displacements [Hellan 1967].
     `hinge`   : constant, from the changed angles of the face's hinges, for pictures only. On a plate bent to a parabola
-                the mean over many faces is right to 2 %. Single faces scatter by 8 % (rows of staggered triangles) to
-                60 % (random triangles, and twist on squares halved by diagonals). Displacements also have errors (see
+                the mean of many faces is wrong by 2 %. Single faces are wrong by 8 % (rows of staggered triangles) to
+                60 % (random triangles, or twist of squares halved by diagonals). Displacements also have errors (see
                 `hinge_blocks`). Faces at free edges have too small moments, because a free edge is not a hinge."""
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
@@ -51,7 +51,7 @@ def face_moments(
 
 
 def hinge_energy(surface: Surface, material: Material, thickness: float, answer: Equilibrium) -> Floats:
-    """Return the energy of each face (m,), J: half the energy of its hinges (`hinge_blocks`)."""
+    """Return the energy of each face (m,), J: half the sum of the energies of its hinges (`hinge_blocks`)."""
     hinge = hinges(surface)
     gradients, weight = angle_gradients(surface, hinge)
     turned = np.einsum("ikx,ikx->i", gradients, answer.u[hinge])
@@ -80,7 +80,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
     half = np.zeros(3 * surface.m)
     half[pairs[:, 0]] = angle / 2
-    # if neighbours have opposite normals, the angle changes its sign in the second face
+    # if the normals of two neighbours are opposite, the angle has the other sign in the second face
     along = half_edge_signs(surface).ravel()
     half[pairs[:, 1]] = -angle / 2 * along[pairs[:, 0]] * along[pairs[:, 1]]
     bent = (half.reshape(-1, 3) * length)[:, :, None] * voigt(out, out)
@@ -96,9 +96,9 @@ def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
     after = np.roll(slope, -1, axis=1)
     w = _deflection(surface, answer)
     bubble = unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
-    tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # dw/dm of the hats on each half-edge
+    tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # dw/dm of the linear part on each half-edge
     turn = half_edge_signs(surface) * unknowns["rotation"][edge]
-    # dw/dm of the bubbles 4 phi_c phi_c+1 is linear on each half-edge, and follows from the hats
+    # dw/dm of the bubbles 4 phi_c phi_c+1 is linear on each half-edge, and follows from the gradients of phi
     ahead, behind = (np.einsum("mia,mca->mci", g, outward) for g in (after, slope))  # (m, half-edge, bubble)
     bent = (8 / 3 * surface.areas[:, None, None] * voigt(slope, after) * bubble[:, :, None]).sum(axis=1)
     work = np.repeat(bent[:, None], 3, axis=1)

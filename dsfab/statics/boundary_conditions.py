@@ -15,12 +15,12 @@ from dsfab.surface import coincident, pieces
 from dsfab.surface.loads.load_case import Force, Line, Load, LoadCase
 from dsfab.surface.mesh import Surface
 
-FREE_MOTION = 1e-9  # A rigid motion is free if it moves the supports by less than this times the piece's largest motion
+FREE_MOTION = 1e-9  # A rigid motion is free if it moves the supports by less than this fraction of its largest motion
 MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn about y", "turn about z")
 
 
 def rigid_motions(points: Floats) -> Floats:
-    """Return displacements (n, 3, 6) of points (n, 3) under the motions of `MOTIONS`, scaled to about unit length."""
+    """Return displacements (n, 3, 6) of points (n, 3) under the six rigid `MOTIONS`; the largest are about 1."""
     centred = points - points.mean(axis=0)
     reach = np.abs(centred).max() or 1.0
     motion = np.zeros((len(points), 3, 6))
@@ -78,14 +78,14 @@ def _merge_hint(surface: Surface) -> str:
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
     """Return names of the rigid motions of `vertices` that neither fixed directions nor clamped edges prevent.
     Each motion is a shift or a rotation, and has the name of its largest component.
-    clamped : (k, 2) ends of the edges that do not rotate; a rotation vector w turns an edge of direction t by w . t."""
+    clamped : (k, 2) ends of the edges that do not rotate; a rotation w turns an edge about its direction t by w . t."""
     at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (fixed directions, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
     _, values, basis = np.linalg.svd(stopped, full_matrices=False)
     null = basis[values <= FREE_MOTION * max(values.max(), 1.0)]
-    # separate shifts from rotations: a rotation about a line of supports shifts the centre as well
+    # separate shifts from rotations, because a rotation about a line of supports also shifts the centre
     mix, turns, _ = np.linalg.svd(null[:, 3:])
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > FREE_MOTION
     parts = np.abs(mix.T @ null)
@@ -112,8 +112,8 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
     A boundary edge is fixed in a direction if both ends are fixed in it. An inner edge is fixed if all corners of one
     of its faces are. Faces with two boundary edges do not count, because the boundary alone fixes their corners. Edges
-    of faces that are fixed in all directions do not rotate. A bubble in a direction d is fixed if the squares of
-    d's components in fixed directions sum to over 1/2."""
+    of faces that are fixed in all directions do not rotate. A bubble moves the edge along a direction d. It is fixed
+    if the squares of d's components in the fixed directions have a sum larger than 1/2."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -202,8 +202,8 @@ class SpreadLoad:
         return force
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
-        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on each bubble.
-        The integral of 4 phi_j phi_k is A / 3 on a face and 2 l / 3 on its edge."""
+        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on a unit of each bubble.
+        The integral of a bubble is A / 3 on a face of area A, and 2 l / 3 on an edge of length l."""
         work = self.edge * _lengths(surface) * 2 / 3
         np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         in_frame = np.einsum("edx,ex->ed", edge_frames(surface), work)

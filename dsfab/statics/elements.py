@@ -23,13 +23,13 @@ BUBBLES = ("along", "across", "normal")
 class Elements:
     """Elements of a sheet, for membrane and bending.
 
-    membrane : `constant` strain has 3 unknowns per vertex. `quadratic`, the common six-node triangle, has two more
-               bubbles per edge. `hybrid` has the unknowns of `quadratic`, with stresses in equilibrium inside, and a
-               third to a half of its errors. Reports use the last two: constant strain is 5 to 15 % too stiff for
-               slender parts that bend in their plane.
+    membrane : `constant` strain has 3 unknowns per vertex. `quadratic`, the common six-node triangle, also has two
+               `BUBBLES` per edge. `hybrid` has the same unknowns, and stresses in equilibrium inside a face. Its errors
+               are a third to a half of those of `quadratic`. Reports use these two: `constant` is 5 to 15 % too stiff
+               for slender parts that bend in their plane.
     bending  : `hinge`, the paper's element, gives good directions, but does not converge on general meshes. `midedge`
-               has one rotation per edge and converges from the soft side. `hhj`, for reports, has two rotations and a
-               bubble per edge and is one order more accurate. None is for a sheet that is solved in its plane."""
+               has one rotation per edge and converges; coarse meshes are too soft. `hhj`, for reports, has two
+               rotations and a bubble per edge, and is one order more accurate. None: a sheet solved in its plane."""
 
     membrane: Membrane = "constant"
     bending: Bending | None = "hinge"
@@ -64,11 +64,11 @@ class Elements:
         return bending + membrane + (("normal",) if self.bending == "hhj" else ())
 
     def unknowns(self, surface: Surface) -> int:
-        """Return the number of unknowns: 3 n displacements, then the edges' unknowns name by name."""
+        """Return the number of unknowns: 3 n displacements, then one unknown per edge for each name in `on_edges`."""
         return 3 * surface.n + len(self.on_edges) * len(surface.edges.ends)
 
     def columns(self, surface: Surface, *names: str) -> Ints:
-        """Return unknowns (m, 9 + 3 len(names)) of each face: x, y, z of corners, then `names` on its half-edges."""
+        """Return unknowns (m, 9 + 3 len(names)) of each face: x, y, z of its corners, then `names` of its edges."""
         corners = (3 * surface.F[:, :, None] + np.arange(3)).reshape(-1, 9)
         count = len(surface.edges.ends)
         groups = [3 * surface.n + self.on_edges.index(name) * count + surface.edges.of for name in names]
@@ -76,7 +76,7 @@ class Elements:
 
 
 PAPER = Elements("constant", "hinge")  # The elements of the paper; `USES` selects a pair for each result.
-INVERSE_MASS = 12 * (np.eye(3) - 0.25)  # A times the inverse mass matrix of the hats on a triangle of area A.
+INVERSE_MASS = 12 * (np.eye(3) - 0.25)  # A times the inverse mass matrix of linear functions on a triangle of area A.
 
 
 def half_edge_signs(surface: Surface) -> Floats:
@@ -87,8 +87,8 @@ def half_edge_signs(surface: Surface) -> Floats:
 @derived
 def edge_frames(surface: Surface) -> Floats:
     """Return unit vectors t, m, n (e, 3, 3) of each edge: along it, across it in the sheet, and normal to the sheet. n
-    is the mean of both faces' normals, weighted by area. A normal that points to the other side is reversed first, so
-    the order of corners does not matter. Such a mean fails for three faces on an edge, and for a fold over 145 degrees.
+    is the mean of both faces' normals, weighted by area. If these normals point to opposite sides of the sheet, one is
+    reversed first. Such a mean fails for three faces on an edge, and for a fold of more than 145 degrees.
     Then n is the line nearest to all normals: the first eigenvector of sum A n n^T. The result is read-only."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
@@ -104,7 +104,7 @@ def edge_frames(surface: Surface) -> Floats:
         tensors = np.zeros((len(edges.ends), 3, 3))
         np.add.at(tensors, edges.of.ravel(), np.repeat(_outer(surface.normals, area_normal), 3, axis=0))
         first_face = edges.order[edges.start[undefined]] // 3
-        # the first face gets more weight, because three faces at 120 degrees have no nearest line
+        # the first face gets more weight: the normals of three faces at 120 degrees have no nearest line
         tensors[undefined] += 0.01 * _outer(surface.normals[first_face], area_normal[first_face])
         n[undefined] = np.linalg.eigh(tensors[undefined])[1][:, :, -1]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
@@ -119,16 +119,16 @@ def voigt(a: Floats, b: Floats) -> Floats:
 
 
 def tensor_matrices(planar: Floats) -> Floats:
-    """Return plane tensors (..., 3), as (xx, yy, xy), as symmetric matrices (..., 2, 2)."""
+    """Return the symmetric matrices (..., 2, 2) of plane tensors (..., 3), given as (xx, yy, xy)."""
     xx, yy, xy = np.moveaxis(planar, -1, 0)
     return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
 
 
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """Return the sum (size, size) of blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
-    The sum is one product S^T Z: Z has the rows of all blocks, and S selects the unknowns. The product adds each entry
-    once, without sorting the 100 to 300 triplets of every face. S^T becomes row-major first; otherwise the product
-    would convert the much larger Z."""
+    The sum is one sparse product S^T Z. Z has the rows of all blocks, and S selects the unknowns. The product needs no
+    sorting of the 100 to 300 entries of every face. S^T becomes row-major first; otherwise the product would convert
+    the much larger Z."""
     m, c = columns.shape
     columns = columns.astype(np.int32 if max(m * c * c, size) < 2**31 else np.int64)
     count = np.arange(m * c + 1, dtype=columns.dtype)
@@ -204,7 +204,7 @@ def tolerance_of(quantity: Quantity) -> float:
 
 
 NEEDLE = 0.02
-"""A triangle is a needle if its smallest height is less than this share of its longest edge."""
+"""A triangle is a needle if its smallest height is less than this fraction of its longest edge."""
 
 
 def _longest_edges(surface: Surface) -> Floats:

@@ -15,15 +15,15 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Relative residual above which dsfab refines solutions: a tenth of `REPORTED_RESIDUAL`, as residuals are rounded."""
+"""Relative residual above which dsfab refines solutions: 0.1 `REPORTED_RESIDUAL`, to allow for rounding errors."""
 
 REFINEMENTS = 6  # Largest number of refinement steps; two or three usually suffice.
 ROWS = 1 << 16
-"""Rows of a stiffness in one product of high precision; a product of all rows would take three times the memory."""
+"""Number of rows in one product of high precision; a product of all rows would take three times the memory."""
 
 
 class LinearMap(Protocol):
-    """A matrix with products, and with a copy in another precision (`astype`)."""
+    """A matrix that multiplies vectors, and has a copy in another precision (`astype`)."""
 
     def __matmul__(self, x: Any, /) -> Any: ...
 
@@ -69,7 +69,7 @@ class Factor:
 
     @property
     def map(self) -> ScaledStiffness:
-        """Stiffness (N, N) of the free unknowns with a unit diagonal, as a linear map."""
+        """Stiffness (N, N) of the free unknowns, scaled to a unit diagonal, as a linear map."""
         return ScaledStiffness(self.K, self.free, self.scale)
 
     def displacements(self, forces: Floats) -> Floats:
@@ -136,9 +136,9 @@ def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats])
     """Return x with K x = b, b (N,) or (N, k), and its relative residual.
 
     The residual is measured in the norm of energy: sqrt(r . K^-1 r / b . x). If it is above `ACCURATE`, iterative
-    refinement [Wilkinson 1963] improves x, with residuals in the longest floating-point numbers of the machine. Thin
-    sheets make K badly conditioned, so that a residual in double precision would be mostly rounding. Each step rounds
-    x to double precision; the returned residual is that of the rounded x."""
+    refinement [Wilkinson 1963] improves x, with residuals in the machine's highest precision. K of a thin sheet is
+    badly conditioned, and residuals in double precision would be mostly rounding errors. Each step rounds x to double
+    precision. The returned residual is that of the rounded x."""
     x = solve(b)
     r = b - K @ x
     error = _energy_share(r, solve(r), b, x)

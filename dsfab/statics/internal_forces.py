@@ -15,17 +15,17 @@ from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_a
 from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
 CROWDED = 0.25
-"""A face is a splinter of the cut if its height over the mean size of faces is below this ratio. Moments have
-meaningless slopes in splinters: on a tower, shear was 5000 instead of 120 kN/m. So the load of a splinter is spread
-over its surroundings, up to a distance of this ratio times the mean size. A shorter distance removes less of the
-error; a longer distance misses shear in ribs."""
+"""A face of a cut sheet is a splinter if its height is less than this fraction of the mean size of faces. Slopes of
+moments are meaningless in splinters: on a tower, shear was 5000 instead of 120 kN/m. So the load of a splinter is
+spread over its surroundings, up to a distance of this fraction of the mean size. A shorter distance removes less of
+the error; a longer distance misses shear in ribs."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
-    """The recovery of shear forces q from moments, by a potential M; all load cases of a sheet share it.
+    """Data to compute shear forces q from moments, by a potential M; all load cases of a sheet share them.
     columns : (m, 6) the unknown of M at each corner and in the middle of each half-edge; (m, 3) only the corners.
-    sign    : (m, 6) -1 if this face's normal is opposite to that of the first face at the unknown, which sets M's sign.
+    sign    : (m, 6) -1 if this face's normal is opposite to that of the first face with this unknown of M; else 1.
     rim     : (m, 3) 1 on half-edges of free edges and of folds, because no shear passes them; else 0.
     spread  : (N, N) matrix that spreads the load on each unknown over its neighbours; columns sum to 1."""
 
@@ -38,7 +38,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the recovery for a surface. linear : true if moments are linear on each face; then M is quadratic."""
+        """Return the data for a surface. linear : true if moments are linear on each face; then M is quadratic."""
         side_a, side_b = surface.edges.pairs.T
         lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
         side_a, side_b = side_a[lean > SMOOTH], side_b[lean > SMOOTH]
@@ -53,17 +53,17 @@ class ShearRecovery:
         points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :nodes]
         blocks = _gradient_stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
         K = assemble_blocks(blocks, columns, size)
-        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # a constant in M is free on each smooth part
+        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # on each smooth part, M is known up to a constant
         spread = _spread_matrix(surface, columns, sign, points)
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
         """Return the mean of q on each face (m, 3), N/m, in space, tangent to the face.
-        moments : (m, 3 corners, 3) of the elements, in `SheetStress.frame`, N.
-        twist   : (m, 3 corners, 3) moments, whose twist m_nt acts on free edges and folds."""
+        moments : (m, 3 corners, 3) as the elements compute them, in `SheetStress.frame`, N.
+        twist   : (m, 3 corners, 3) the moments whose twist m_nt acts on free edges and folds."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
-        if nodes == 6:  # from hats and bubbles to shape functions that are 1 at a single node
+        if nodes == 6:  # from linear functions and bubbles to shape functions that are 1 at one node
             work[:, :3] -= (work[:, 3:] + np.roll(work[:, 3:], 1, axis=1)) / 2
         load = np.bincount(self.columns.ravel(), (self.sign * work[:, :nodes]).ravel(), self.spread.shape[0])
         M = self.sign * self.factor(self.spread @ load)[self.columns]
@@ -164,8 +164,8 @@ class SectionForces:
     frame : (m, 2, 3) local x and local y of each face.
     n     : (m, 3) normal forces x, y and shear in the sheet xy, N/m.
     m     : (m, 3) moments x, y and twist xy, N m/m.
-    q     : (m, 2) shear forces across the sheet, on sections across local x and local y, N/m.
-    corners : (m, 3, 3) n at the corners of each face, as its elements compute it, for the bending of ribs in the sheet.
+    q     : (m, 2) shear forces normal to the sheet, on sections normal to local x and to local y, N/m.
+    corners : (m, 3, 3) n at the corners of each face, not averaged, for the bending of ribs in the sheet.
     corner_moments : (m, 3, 3) m at the corners; on a free edge its twist is the line force that balances q."""
 
     frame: Floats
@@ -194,11 +194,11 @@ def section_forces(
 
     recovery : for the same surface and kind of bending; several cases can share it.
 
-    n is the thickness times the mean stress of each face in the middle surface. m is the mean of moments that are
-    averaged around each vertex. The average removes the bending of flat faces of a curved sheet under their own load.
+    n is the thickness times the mean stress of each face in the middle surface. m is the mean of a face's
+    corners, after averaging around each vertex. This removes the bending of each flat face under its own load.
 
     q balances the moments. For Navier's plate the errors of q fall as h^1.5 with the mesh width h, to 0.3 % at 32
-    cells; slopes of moments have 1.7 %. Sums over sections of cut sheets are right to 0.1 %, in thin ribs to 2.5 %."""
+    cells; q from slopes of moments has 1.7 %. Sums over sections of cut sheets are wrong by 0.1 %, in ribs by 2.5 %."""
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))
@@ -219,7 +219,7 @@ def section_forces(
 def local_frames(surface: Surface) -> Floats:
     """Return local x and local y of each face, (m, 2, 3), unit vectors, see `CONVENTION`."""
     normal = surface.normals
-    # within 8 degrees of global x, local x follows global y
+    # if the normal is within 8 degrees of global x, local x follows global y
     axis = np.where((np.abs(normal[:, 0]) > 0.99)[:, None], np.eye(3)[1], np.eye(3)[0])
     x = axis - np.einsum("mi,mi->m", axis, normal)[:, None] * normal
     x /= np.linalg.norm(x, axis=1, keepdims=True)

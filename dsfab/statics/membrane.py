@@ -19,12 +19,12 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(3, 0): 1}, {(2, 1): 1}, {(1, 2): 1}, {(0, 3): 1},
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
-"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4. A full space
-does not depend on the numbering of corners. An element needs nine stresses (twelve edge displacements less three rigid
-motions), and degrees 2 and 3 give seven. Two functions of degree 4 would suffice. But with r^2 (x^2 - y^2) and r^2 x y
-alone, a right isosceles triangle has a strain without energy. With the second pair alone its weakest strain has 0.19
-of the energy in the quadratic element, with all four functions 0.22. The function r^4, which violates compatibility,
-would change no reported digit."""
+"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4. With all of them
+the result does not depend on the order of corners. An element needs nine stresses (twelve displacements of its edges
+less three rigid motions), and degrees 2 and 3 give seven. With r^2 (x^2 - y^2) and r^2 x y as the only functions of
+degree 4, a right isosceles triangle has a strain without energy. With the other two alone its weakest strain has 0.19
+of its energy in the quadratic element, with all four 0.22. The function r^4 violates compatibility; it changes no
+reported digit."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
@@ -52,13 +52,13 @@ STRESSES = _airy_stresses(AIRY)
 
 def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
     """Return D (m, 9, 9) of each face, for strains (xx, yy, 2 xy) at its three corners, in its tangent frame.
-    C : (3, 3) stress, or force per length, from strain: plane stress or plane strain of an isotropic material."""
+    C : (3, 3) matrix from strains to stresses or forces per length: isotropic, in plane stress or plane strain."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
     x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6 points), scaled
     powers = np.stack([x**a * y**b for a, b in MONOMIALS], axis=1)
     shares = powers * SHARES
-    linear = shares @ POINTS  # (m, monomial, hat): means of the products
+    linear = shares @ POINTS  # (m, monomial, corner): means of products with phi
     square = shares @ powers.transpose(0, 2, 1)
     count, _, k = STRESSES.shape
     compliance = np.einsum("aik,ij,bjl->abkl", STRESSES, np.linalg.inv(C), STRESSES).reshape(count**2, k * k)
@@ -69,8 +69,8 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 
 
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
-    """Return the linear stress (m, 3 corners, 3), (xx, yy, xy), with the mean and the energy of the quadratic stress
-    in each `hybrid` face. strain : (m, 3 corners, 3) of the quadratic triangle.
+    """Return the linear stress (m, 3 corners, 3), (xx, yy, xy), with the same mean and energy in each face as the
+    quadratic stress of `hybrid`. strain : (m, 3 corners, 3) of the quadratic triangle.
     The linear stress is more accurate than the quadratic stress at the edge of a hole."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(INVERSE_MASS @ work / surface.areas[:, None, None])
@@ -82,8 +82,8 @@ def membrane_stiffness(
     """Return K_m, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
     `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`).
     `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact). Its edge bubbles
-    move only within the sheet, so flat triangles that meet at an angle stay closed without drilling unknowns.
-    `hybrid`: softer; `quadratic` on the edges, with stresses in equilibrium inside (`hybrid_rigidity`)."""
+    move only within the sheet, so triangles that meet at an angle do not separate.
+    `hybrid`: displaced as `quadratic` on its edges, with stresses in equilibrium inside (`hybrid_rigidity`); softer."""
     if elements.membrane == "quadratic":
         return _quadratic(surface, material.membrane(law) * thickness, elements)
     if elements.membrane == "hybrid":
@@ -95,8 +95,8 @@ def membrane_stiffness(
 def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBlocks:
     """Return the stiffness of constant-strain triangles, C (3, 3) N/m, as blocks on vertex pairs.
 
-    The pairs are those of edges, or of hinges if `elements` have hinges. For corners with hat gradients g and f, and
-    the projector P onto the face, an isotropic C gives the block
+    The pairs are those of edges, or of hinges if `elements` have hinges. Let g and f be the gradients of the linear
+    functions of two corners, and P the projector onto the face. For an isotropic C their block is
 
     A (lam g f^T + mu f g^T + mu (g . f) P)"""
     pairs = vertex_pairs(surface, hinges(surface) if elements.bending == "hinge" else None)
@@ -119,7 +119,7 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
 
 
 def _doubled_area_gradients(surface: Surface) -> Floats:
-    """Return the hat gradients (3 corners, 3, m) times twice the area, metres: normal x opposite edge."""
+    """Return gradients of the corners' linear functions times twice the area, (3, 3, m): normal x opposite edge."""
     P = surface.V[surface.F].transpose(1, 2, 0)
     edge = np.roll(P, -2, axis=0) - np.roll(P, -1, axis=0)
     n = surface.normals.T
@@ -154,7 +154,7 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
 def corner_strains(surface: Surface) -> Floats:
     """Return the strain (m, 3, 9) of each face for unit displacements x, y, z of its corners, per metre."""
     t = tangents(surface)
-    slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) hat gradients in the frame
+    slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) gradients of phi in the frame
     moved = voigt(slope[:, :, None, :], t.transpose(0, 2, 1)[:, None, :, :])  # (m, corner, xyz, strain)
     return np.ascontiguousarray(moved.reshape(-1, 9, 3).transpose(0, 2, 1))
 

@@ -54,7 +54,7 @@ class Material:
 @dataclass(frozen=True, eq=False)
 class SheetModel:
     """A thin elastic sheet. surface : its middle surface. thickness : metres. law : see `Material.membrane`.
-    clamped : (e,) edges that do not rotate, besides those that a load's supports clamp; None if there are none."""
+    clamped : (e,) further edges that do not rotate, beside those clamped by a load's supports; None without any."""
 
     surface: Surface
     material: Material
@@ -63,7 +63,7 @@ class SheetModel:
     clamped: Bools | None = None
 
     def with_clamped_edges(self, load: LoadCase) -> LoadCase:
-        """Return the load with the clamped edges of this sheet."""
+        """Return the load with this sheet's clamped edges added."""
         if self.clamped is None:
             return load
         return replace(load, clamped=self.clamped | load.clamped if len(load.clamped) else self.clamped)

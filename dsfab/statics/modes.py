@@ -35,7 +35,7 @@ UPRIGHT = f"{HELD_ACROSS}, and supported edges not to turn: on hinges it would f
 
 @dataclass(frozen=True, eq=False)
 class ModeSupports:
-    """Supports for vibration and buckling. load : the load with these supports. told : assumptions in words, or ''."""
+    """Supports for vibration and buckling. load : the load with these supports. told : assumptions in words."""
 
     load: LoadCase
     told: str = ""
@@ -44,8 +44,8 @@ class ModeSupports:
 def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -> ModeSupports:
     """Return the supports of a sheet that vibrates and buckles: its own supports, unless it is solved in its plane.
 
-    Supports of a sheet loaded in its plane mostly leave it free to fall over. So its supported vertices, also those on
-    springs, are fixed across the plane, too. If the sheet could still rotate about a line through them, as a wall on
+    Supports of a sheet loaded in its plane mostly leave it free to fall over. So its supported vertices, with those on
+    springs, are also fixed normal to the plane. If the sheet could still rotate about a line through them, as a wall on
     its base, the free edges between them are clamped. A support along an edge thus holds the sheet upright.
 
     plane : true if the sheet is solved in its plane; by default this follows from the load."""
@@ -67,16 +67,16 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
 
 FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
 """Default elements of frequencies and of buckling."""
-HATS = (np.eye(3) + 1) / 12  # Integrals of products of two hats over a triangle of area 1.
+HATS = (np.eye(3) + 1) / 12  # Integrals of phi_j phi_k over a triangle of area 1.
 BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles 4 phi_j phi_k.
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
-"""Integrals of hat i (row) times the bubble of half-edge c (column), which runs from corner c to the next."""
+"""Integrals of phi_i (row) times the bubble of half-edge c (column), which runs from corner c to the next."""
 VOIGT = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
 """Symmetric matrices of unit curvatures (xx, yy, 2 xy)."""
 
 MODE_RESIDUAL = 1e-3
 """Largest accepted relative residual of a mode, in the norm of the stiffness. The residual bounds the relative
-error of the mode's factor [Parlett 1980, 4.5]; the square of the residual is nearer to the true error. Rounding alone
+error of the frequency or buckling factor [Parlett 1980, 4.5]; the true error is near its square. Rounding alone
 gives 6e-4 on a cut saddle whose shortest edge is 1/1500 of its thickness."""
 
 INDEPENDENT = 1e-6  # Combinations of vectors of energy 1 that have less energy than this are rounding errors.
@@ -146,9 +146,9 @@ def buckling(
 
     answer   : equilibrium under `load`, by any elements. Its membrane stress loads the sheet, on the supports of
                `load`. Loads keep their direction: a pressure does not rotate with the sheet. Displacements before
-               buckling do not count. Real thin shells buckle well below the factor, cylinders under axial load at a
+               buckling are neglected. Real thin shells buckle well below the factor, cylinders under axial load at a
                fifth to a half of it [Koiter 1945; NASA SP-8007].
-    elements : `midedge` has false local modes beside needles, so cut sheets need the default.
+    elements : `midedge` has false local modes at needles, so cut sheets need the default.
     K, factor_of : (u, u), as for `frequencies`.
     Raises StaticsError for mechanisms, and if the modes do not converge."""
     surface = sheet.surface
@@ -164,14 +164,14 @@ def buckling(
 
 
 LOCAL_SHARE = 0.02
-"""A mode is local if it moves less than this share of the sheet's area, such as a bay or a loose end. The lowest
+"""A mode is local if it moves less than this fraction of the sheet's area, such as a bay or a loose end. The lowest
 modes of whole structures move 8 % (a dome under a load at one point) to 70 % (a vault)."""
 MODES_BESIDE_LOCAL = 6  # number of modes to compute if the first is local
 
 
 def moved_share(surface: Surface, shapes: Floats) -> Floats:
     """Return the share (k,) of the area that each shape (k, n, 3) moves: (integral of u^2)^2 / (A integral of u^4).
-    The share is exact for an evenly moved part of the sheet [participation ratio, Bell and Dean 1970]."""
+    The share is exact if one part moves evenly and the rest not at all [participation ratio, Bell and Dean 1970]."""
     squares = (shapes**2).sum(axis=2)
     area = surface.vertex_areas
     return np.asarray((squares @ area) ** 2 / (area.sum() * (squares**2 @ area)))
@@ -185,7 +185,7 @@ def lowest_buckling(
     K: csr_array | None = None,
     factor_of: FactorFunction | None = None,
 ) -> tuple[float | None, str]:
-    """Return the lowest factor of `buckling`, or None, and a clause about its mode if the mode is local, or ''.
+    """Return the lowest factor of `buckling` (None if there is none), and a clause if its mode is local (else '').
     The clause names the place of the mode and the factor of the first mode that is not local."""
     factors = factor_of or FactorCache()
     K = sheet_stiffness(sheet, elements) if K is None else K
@@ -207,7 +207,7 @@ def lowest_buckling(
 
 
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
-    """Return M (u, u), kg, over the unknowns of `elements`: hats and edge bubbles; rotations have no mass.
+    """Return M (u, u), kg, over the unknowns of `elements`; rotations of edges have no mass.
     per_area : kg/m2. The entries of the corners sum to three times the sheet's mass, once for each of x, y and z."""
     scalar = np.block([[HATS, HAT_BUBBLES], [HAT_BUBBLES.T, BUBBLE_PAIRS]])
     names = [name for name in BUBBLES if name in elements.on_edges]
@@ -227,18 +227,18 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
 
     resultant : (m, 3, 3) membrane force per length N, newtons per metre, tangent to each face.
 
-    A stress may only load slopes that the elements resist; otherwise a single needle buckles alone. The slope of a
-    quadratic bubble on the short edge of a needle is 1 / (short edge), and neither `hybrid` nor `hhj` resists it. So a
-    face has the mean gradient of hats and, for `hhj`, of normal bubbles. To these gradients it adds the constant
-    curvature of the edges' rotations [Morley 1968] times the distance from the centroid. The factor of a plate still
-    converges with the fourth order."""
+    A stress may only act on slopes that the elements resist; otherwise a single needle buckles alone. A quadratic
+    bubble on the short edge of a needle has a large slope, which neither `hybrid` nor `hhj` resists. So the gradient
+    in a face has two parts. One is the mean gradient of corner displacements and, for `hhj`, of normal bubbles. The
+    other is the constant curvature of the edges' rotations [Morley 1968] times the distance from the centroid. The
+    error of a plate's factor still falls with the fourth power of the mesh width."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))
 
 
 def geometric_products(surface: Surface, resultants: Floats, elements: Elements, modes: Floats) -> Floats:
-    """Return x . K_g x (b, s, s) between modes (u, s) for membrane forces (b, m, 3, 3), see `geometric_stiffness`."""
+    """Return the products x_i . K_g x_j (b, s, s) of the columns of `modes` (u, s), for forces N (b, m, 3, 3)."""
     slopes, columns = _slopes(surface, elements)
     along = np.einsum("majx,mxs->majs", slopes, modes[columns], optimize=True)
     rows, count = 10 * surface.m, modes.shape[1]
@@ -253,8 +253,8 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
     """Return slopes (m, 2, 5, c) of each face along both tangents per unit unknown, and its unknowns (m, c).
-    K_g is the sum of slope . N slope. The slopes are the means of x, y and z, and those of the normal by its curvature
-    at two points of an exact quadrature; all times the square root of the area."""
+    K_g is the sum of slope . N slope. The five slopes are the means of x, y and z, and those from the curvature at two
+    quadrature points. All are multiplied by the square root of the area."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
     slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)
@@ -269,8 +269,8 @@ def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
 
 def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
     """Return the mean gradients (m, 2, 3, 9 + 3 len(names)) of each face: of x, y and z, along both tangents.
-    Columns: unit moves of corners, then the unknowns `names` of half-edges. As in the bending stiffness, a normal
-    bubble moves a face along its normal alone."""
+    Columns: unit displacements of corners, then the unknowns `names` of half-edges. As in the bending stiffness, a
+    normal bubble moves a face along its normal alone."""
     slope = np.einsum("mik,mak->mai", hat_gradients(surface), tangents(surface))
     gradients = np.zeros((surface.m, 2, 3, 9 + 3 * len(names)))
     for i in range(3):
@@ -278,7 +278,7 @@ def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
     if names:
         normal = surface.normals
         share = np.einsum("mci,mi->mc", edge_frames(surface)[surface.edges.of, 2], normal)
-        # the mean of grad (4 phi_j phi_k) is 4/3 (grad phi_j + grad phi_k), the gradient of the opposite hat times -4/3
+        # the mean of grad (4 phi_j phi_k) is 4/3 (grad phi_j + grad phi_k): -4/3 times that of the third corner's phi
         mean = -4 / 3 * np.roll(slope, -2, axis=2) * share[:, None, :]
         gradients[:, :, :, 9:12] = mean[:, :, None, :] * normal[:, None, :, None]
     return gradients
@@ -294,7 +294,7 @@ def _supported_modes(
     factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
-    Lanczos on K^-1 A with the inner product of K needs the factor of K only [Lehoucq et al. 1998, ARPACK]."""
+    Lanczos on K^-1 A with the inner product of K needs no other factor than that of K [Lehoucq et al. 1998, ARPACK]."""
     is_held = held_unknowns(surface, [load], elements, plane=False)
     mu, x = largest_eigenpairs(A, factor_of(surface, with_springs(K, load), is_held), count)
     return mu, _normalised_shapes(x[:, : 3 * surface.n].reshape(-1, surface.n, 3))
@@ -303,7 +303,7 @@ def _supported_modes(
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and x (k, u), for the factor of K.
     are_results : False for vectors that only span a basis, with residuals up to `MODE_RESIDUAL`. More exact vectors
-                  take twice the time, and beside needles they are rounding errors.
+                  take twice the time, and have only rounding errors at needles.
     Raises StaticsError if the modes do not converge, or if results are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:
@@ -341,7 +341,7 @@ def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) ->
 def _refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
     """Return eigenvalues (k,), vectors (N, k) and the last changes (k,) of the eigenvalues, by Davidson's method
     [1975]. If an edge is a ten-thousandth of the thickness, rounding makes Lanczos lose 2 % of mu, and even an exact
-    vector has a large residual. The eigenvalues still converge, because their error is the vector's squared."""
+    vector has a large residual. Eigenvalues still converge: their error is the square of the vector's error."""
     K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)
     Kx = (K @ x).astype(np.float64)
     for _ in range(REFINEMENTS):

@@ -71,7 +71,7 @@ class SupportEntry:
     area     : m2 of the faces with all corners supported.
     holds    : fixed directions, springs and clamping, such as 'xyz', 'z, clamped' or 'spring xy'.
     reaction : for each case, (3,) newtons on the sheet.
-    share    : for each case, the sum of its forces' magnitudes over that of all supports, 0 to 1."""
+    share    : for each case, the sum of its forces' magnitudes, divided by that of all supports, 0 to 1."""
 
     name: str
     vertices: int
@@ -129,7 +129,7 @@ def support_entries(
 
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
-    """Return number and mean of picked vertices (n,), metres of edges along them, and m2 of faces among them.
+    """Return number and mean of picked vertices (n,), and the length (m) of edges and area (m2) of faces between them.
     An edge within the sheet counts if none of its faces has three picked corners: the pick is then a line."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)

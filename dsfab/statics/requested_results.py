@@ -43,7 +43,7 @@ class ResultRequest:
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
-        """Return the function that factorises the stiffness: a cache if the modes use the same factor again."""
+        """Return the function that factorises the stiffness, with a cache if the modes need the same factor again."""
         return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 
@@ -92,8 +92,8 @@ def sheet_answers(
 ) -> Answers:
     """Return stress and energy of a solved sheet, and the other requested results.
 
-    stiffness     : function that returns K over the unknowns of any elements. It is called only if other elements than
-                    the case's give the results, or if a sheet solved in its plane must bend to vibrate or buckle.
+    stiffness     : function that returns K for any elements. It is called if the results need other elements than the
+                    case, or if modes need bending and the case was solved in its plane.
     other_factors : function for all further factorisations; a `FactorCache` of two serves loads on the same supports.
 
     Vibration counts the mass of the sheet alone, without its loads. Raises StaticsError if the elements for the

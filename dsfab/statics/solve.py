@@ -33,8 +33,8 @@ class Equilibrium:
     u          : (n, 3) displacements, metres.
     reaction   : (n, 3) forces of the supports on the sheet, newtons, springs included; zero at free vertices.
     compliance : f . u over all unknowns, joules (twice the elastic energy); a stiffer sheet has a smaller compliance.
-    imbalance  : largest component of the sum of loads and reactions, and of the sum of their moments over the size of
-                 the surface; divided by the sum of the loads' magnitudes.
+    imbalance  : largest component of the sum of loads and reactions, or of the sum of their moments divided by the
+                 size of the surface; as a fraction of the sum of the loads' magnitudes.
     residual   : relative residual of K u = f in the norm of its energy, sqrt(r . K^-1 r / f . u): the relative rounding
                  error of u in that norm. It bounds the relative error of the compliance.
     on_edges   : for each name, the unknowns on edges (e,): `rotation` and `slope` in radians, `along`, `across` and
@@ -64,7 +64,7 @@ class Equilibrium:
 
     @property
     def bubbles(self) -> Floats | None:
-        """Bubbles (e, 2) along and across each edge, which strain the sheet; None with constant strain."""
+        """Bubbles (e, 2), metres, along and across each edge in the sheet; None for constant strain."""
         if "along" not in self.on_edges:
             return None
         return np.stack([self.on_edges["along"], self.on_edges["across"]], axis=1)
@@ -160,7 +160,7 @@ def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Element
 def equilibrium_of_unknowns(
     surface: Surface, load: LoadCase, elements: Elements, unbalanced: Floats, x: Floats, is_held: Bools
 ) -> Equilibrium:
-    """Return the equilibrium of unknowns x (u,), with compliance and residual set to 0.
+    """Return the equilibrium with the unknowns x (u,); its compliance and residual are set to 0.
 
     unbalanced : (u,) K x - f, with K without springs: the forces of all supports, rigid supports and springs."""
     corners, edges = np.split(x, [3 * surface.n])
@@ -196,7 +196,7 @@ def _combination(
 
 
 def require_solved(surface: Surface, imbalance: float, residual: float) -> None:
-    """Raise StaticsError if the relative imbalance of a solution is over `BALANCE` or its residual over `RESIDUAL`."""
+    """Raise StaticsError if the relative imbalance exceeds `BALANCE`, or the relative residual exceeds `RESIDUAL`."""
     if imbalance <= BALANCE and residual <= RESIDUAL:
         return
     needles = f"; {message}" if (message := needle_message(surface)) else ""
@@ -215,7 +215,7 @@ def require_solved(surface: Surface, imbalance: float, residual: float) -> None:
 def solution(
     surface: Surface, K: csr_array, F: Floats, is_held: Bools, factor_of: FactorFunction
 ) -> tuple[Floats, Floats]:
-    """Return unknowns (N, k) under forces F (N, k), 0 for unknowns without stiffness, and relative residuals (k,)."""
+    """Return unknowns (N, k) under forces F (N, k), and relative residuals (k,). Unknowns without stiffness are 0."""
     U = np.zeros(F.shape)
     if not (~is_held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])

@@ -1,4 +1,4 @@
-"""Stiffness of a whole sheet, membrane and bending together; and stiffness with a factor for each face."""
+"""Stiffness of a sheet: membrane and bending together; also with a factor for each face."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -20,13 +20,13 @@ from dsfab.statics.solve import flat_axis, held_unknowns
 from dsfab.surface import LoadCase, Surface
 
 Row = Callable[[str], AbstractContextManager[object]]
-"""A function that opens a timing row by name for the enclosed block."""
+"""A function that opens a row in a table of times, and adds the time of the enclosed block to it."""
 
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
     """Return K (N, N), N/m, over the unknowns of `elements`: membrane and, if they have it, bending.
-    row : opens the timing rows "membrane", then "bending". The paper's elements share vertex pairs and are added block
-          by block; the time of the final matrix counts as bending."""
+    row : opens the rows "membrane" and "bending" for the times of both. Blocks of the paper's elements are added before
+          one matrix is made of them; this last step counts as bending."""
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
     if elements == PAPER:
         with row("membrane"):
@@ -47,7 +47,7 @@ class FaceStiffness:
     or no bending in a sheet that is solved in its plane.
     blocks  : (m, c, c) K_f, N/m.            unknown : (m, c) the free unknown of each row, `count` if it is fixed.
     places  : (nnz, m) matrix from factors s (m,) to the nonzero values of K.    indices, indptr : K's sparse pattern.
-    springs : (nnz,) stiffness of supports.  points, node : points, and the point of each free unknown.
+    springs : (nnz,) stiffness of supports.  points, node : points, and each free unknown's point.
     force   : (count, k) newtons, of each load."""
 
     blocks: Floats
@@ -95,7 +95,7 @@ class FaceStiffness:
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
         """Return the factor of K for factors `scale` (m,) on faces. Raises StaticsError for a mechanism.
-        earlier : a factor of the same pattern; its analysis is used again, which saves time."""
+        earlier : an earlier factor, which is overwritten. Its order of unknowns is used again, which saves time."""
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)

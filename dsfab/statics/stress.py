@@ -62,7 +62,7 @@ def membrane_stresses(surface: Surface, material: Material, law: Law, elements: 
 
 
 SMOOTH = np.cos(np.radians(30))
-"""Cosine of 30 degrees. A face is beyond a fold if its normal and the mean normal at its corner form a larger angle."""
+"""Cosine of 30 degrees. At a corner, a face lies across a fold if its normal differs from the mean normal by more."""
 
 WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of entries xx, yy, zz, yz, xz and xy in a symmetric tensor.
 HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
@@ -76,8 +76,8 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
     sided  : true if values change their sign with the face's normal, as bending does.
 
     Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge,
-    averages keep values that are lost in means of faces. On curved sheets they remove the bending of each flat face by
-    its own load, which is large at corners and cancels around a vertex. A face across a fold keeps its own mean."""
+    averages have large values that means of faces lack. On curved sheets, the load on a flat face bends each face by
+    itself; averages remove this false bending. At a corner, a face across a fold keeps its own mean."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -130,12 +130,12 @@ class Peak(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SheetStress:
-    """Stress in a thin sheet: linear through the thickness, and constant or linear on each face by its elements.
+    """Stress in a thin sheet: linear through the thickness; constant or linear on each face, depending on the elements.
 
     frame           : (m, 2, 3) two orthonormal directions of each face's plane, for the components.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
     bending         : (m, 3 corners, 3) stress that bending adds at the bottom and subtracts at the top, 6 M / h^2, Pa.
-    smooth_membrane, smooth_bending : `vertex_averages` of both, for von Mises stress; constant stress unchanged.
+    smooth_membrane, smooth_bending : `vertex_averages` of both, for von Mises stress; constant stress is not averaged.
     membrane_energy : (m,) mean strain energy per area of each face, J/m2.
     bending_energy  : (m,) energy per area from bending; the sum of both over the sheet is half of its compliance.
 
@@ -202,7 +202,7 @@ class SheetStress:
         return Peak(float(self.largest[face]), face, layer)
 
     def utilisation(self, strength: float) -> Floats:
-        """Return the largest von Mises stress of each face over the strength, Pa, (m,): above 1 the material yields.
+        """Return the largest von Mises stress of each face (m,), divided by the strength (Pa): beyond 1 it yields.
         Raises StaticsError for a strength that is not positive."""
         if not (strength > 0 and np.isfinite(strength)):
             raise StaticsError(f"strength = {strength} Pa must be positive (steel 235e6, plywood about 30e6)")

@@ -4,8 +4,8 @@ The stiffness at thickness t is K(t) = t A + t^3 B + S: membrane, bending, sprin
 because only the weight of the sheet grows. So the answers at two thicknesses, and their derivatives by t, are a basis
 for all others: a reduced basis [Noor and Peters 1980]. Derivatives need no further factorisation: the vectors are
 (K^-1 dK/dt)^j K^-1 f [Grimme 1997]. Buckling modes and their derivatives are a second basis. Its load factors are
-never below those of the whole sheet [Rayleigh-Ritz]. On cut vaults, from a thickness to 9 times that thickness, errors
-are up to 0.1 % in displacements, and 0.6 % in stresses and buckling factors; to 18 times, 1.2 % in buckling factors."""
+never below those of the whole sheet [Rayleigh-Ritz]. Largest errors on cut vaults, if the thickest sheet has 9 times
+the least thickness: 0.1 % in displacements, 0.6 % in stresses and buckling factors (with 18 times: 1.2 %)."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -30,13 +30,13 @@ from dsfab.statics.stress import stress
 from dsfab.surface import LoadCase, Surface
 
 INDEPENDENT = 1e-10
-"""Least relative length of a basis vector outside the span of the vectors before it; a shorter rest is rounding."""
+"""Least part of a basis vector outside the span of earlier vectors, as a fraction of it; less is a rounding error."""
 SAMPLES = (0.15, 0.85)
-"""Places of the solved thicknesses on a logarithmic scale from the thinnest (0) to the thickest sheet (1). Two
-solves at the ends would give buckling factors that are 1 % off in the middle."""
-DERIVATIVES = 2  # of the answers at each solved thickness; with one derivative, buckling factors are 1 % off
-MODES = 3  # modes of each case in the basis, because the order of the lowest modes changes with the thickness
-CASES = 3  # cases with modes in the basis: the most compressed; their modes serve for the other cases, too
+"""Positions of the solved thicknesses on a logarithmic scale from the thinnest (0) to the thickest sheet (1). With
+solutions at 0 and 1, buckling factors in the middle would be wrong by 1 %."""
+DERIVATIVES = 2  # number of derivatives at each solved thickness; with one, buckling factors are wrong by 1 %
+MODES = 3  # number of each case's modes in the basis; the order of the lowest modes changes with the thickness
+CASES = 3  # number of cases with modes in the basis, those with most compression; they also serve the other cases
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class ThicknessStiffness:
         return np.asarray(thickness * (self.membrane @ x) + thickness**3 * (self.bending @ x))
 
     def with_derivatives(self, thickness: float, factor: Factor, x: Floats, count: int) -> list[Floats]:
-        """Return x (u, k) and `count` products with K^-1 dK/dt in turn, a basis of its derivatives. factor : of K."""
+        """Return x (u, k) and its products with the powers 1 to `count` of K^-1 dK/dt. factor : of K(thickness)."""
         vectors = [x]
         for _ in range(count):
             forces = self.membrane @ vectors[-1] + 3 * thickness**2 * (self.bending @ vectors[-1])
@@ -86,7 +86,7 @@ class ThicknessStiffness:
         return np.array([_without_negative_eigenvalues(part) for part in parts])
 
     def basis(self, vectors: Floats, thickness: float) -> Floats:
-        """Return independent vectors (u, b) with the span of `vectors` (u, c), orthonormal in K(thickness).
+        """Return independent vectors (u, b) that span the same space as `vectors` (u, c), orthonormal in K(thickness).
         The projected stiffness is then near the identity, and rounding makes it singular at no thickness."""
         K = self.matrix(thickness)
         weight = np.sqrt(K.diagonal())  # makes metres and radians comparable
@@ -105,13 +105,13 @@ class ThicknessStiffness:
 
 
 def _without_negative_eigenvalues(part: Floats) -> Floats:
-    """Return a part (b, b) of a stiffness without its negative eigenvalues, which are rounding beside needles."""
+    """Return a part (b, b) of a stiffness without its negative eigenvalues, which are rounding errors at needles."""
     values, vectors = np.linalg.eigh((part + part.T) / 2)
     return np.asarray((vectors * values.clip(min=0)) @ vectors.T)
 
 
 def _independent_columns(columns: Floats) -> Floats:
-    """Return orthonormal columns (u, q) with the span of `columns` (u, k)."""
+    """Return orthonormal columns (u, q) that span the same space as `columns` (u, k)."""
     scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     q, r, _ = qr(scaled, mode="economic", pivoting=True)
     return np.asarray(q[:, np.abs(np.diag(r)) > INDEPENDENT])
@@ -123,7 +123,7 @@ class ThicknessBasis:
     sheet, loads : the sheet, and its loads by name at its own thickness.
     constant, per_metre : f0 and f1 (u, k), N and N/m.           vectors : (u, b) basis of the answers.
     reduced, modes : `projection` (3, b, b) on these vectors, and (3, s, s) on the buckling modes.
-    geometric : (b, s, s) negative geometric stiffness between modes, for each vector in a sheet 1 m thick."""
+    geometric : (b, s, s) products x_i . -K_g x_j of modes, for the stress of each vector in a sheet 1 m thick."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]
@@ -224,7 +224,7 @@ def _sum(parts: Floats, thickness: float) -> Floats:
 
 
 def _linear_loads(sheet: SheetModel, loads: Sequence[LoadCase], size: int) -> tuple[Floats, Floats]:
-    """Return f0 and f1 (size, k) from the loads at the sheet's thickness and at twice that."""
+    """Return the loads f0, N, and their growth f1 with the thickness, N/m, (size, k)."""
     once, twice = np.zeros((2, size, len(loads)))
     for k, load in enumerate(loads):
         once[: load.force.size, k] = load.force.ravel()
@@ -240,7 +240,7 @@ def _resultants(sheet: SheetModel, stiffness: ThicknessStiffness, x: Floats) -> 
 
 
 def _buckling_modes(across: ThicknessStiffness, resultants: Floats, factor: Factor) -> list[Floats]:
-    """Return the lowest modes (u, s) under the most compressed of membrane forces (k, m, 3, 3), N/m."""
+    """Return the lowest modes (u, s) of the cases with most compression in their membrane forces (k, m, 3, 3), N/m."""
     surface, modes = across.surface, list[Floats]()
     compression = [-np.linalg.eigvalsh(N)[:, 0].clip(max=0) @ surface.areas for N in resultants]
     for k in np.argsort(compression)[: -1 - CASES : -1]:

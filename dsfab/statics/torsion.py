@@ -14,12 +14,12 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""Least angle, seen from the centre of a disc, between two places at which it touches the border of the material.
+"""A disc touches two sides of the material if two touching points are at least this angle apart, seen from its centre.
 Nearer places belong to a kink of one side [Ma, Bae and Choi 2012]."""
 
 
 def torsion_share(ratio: Floats) -> Floats:
-    """Return the torsional stiffness of rectangles w x h over G w h^3 / 3, that of thin strips. ratio : (...) w / h.
+    """Return the torsional stiffness of rectangles w x h, divided by G w h^3 / 3 of thin strips. ratio : (...) w / h.
     For w > h the result is 1 - 0.63 h / w (1 - h^4 / 12 w^4). Otherwise w and h are exchanged in this formula, and the
     result is multiplied by w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
     ratio = np.maximum(ratio, 0.01)  # K with narrower ribs cannot be solved accurately
@@ -57,8 +57,8 @@ def rib_shape(surface: Surface) -> RibShape:
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:
     """Return radii (k,) of the largest empty discs that touch the border in points (k, 3) from the inner side.
-    Small discs grow until they contain another point, and shrink until they are empty [Ma, Bae and Choi 2012]. Discs
-    that begin as large as the surface have far centres: the search for their nearest points takes ten times longer."""
+    Small discs grow until they contain another point, and shrink until they are empty [Ma, Bae and Choi 2012]. To begin
+    with discs as large as the surface would take ten times longer, because their centres are far from all points."""
 
     def blocked(discs: Ints) -> tuple[Bools, Floats]:
         p, n, r = points[discs], inward[discs], radius[discs]
@@ -87,8 +87,8 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
     """Return the negative stiffness, over the unknowns of `elements`, that makes ribs twist as softly as bars.
-    On each face the matrix D loses (1 - share) D_66 t t^T, with t : kappa the twist 2 kappa_ab between the directions
-    a along and b across the rib. Raises ValueError for bending that is neither `hhj` nor `midedge`."""
+    Let a be the direction along a rib, b across it, and t . kappa = 2 kappa_ab the twist. On each face the matrix D
+    loses (1 - share) D_66 t t^T. Raises ValueError for bending that is neither `hhj` nor `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
         raise ValueError(f"{elements}: only hhj and midedge bending can reduce the torsion of ribs")
     share = torsion_share(ribs.widths / sheet.thickness)

@@ -16,9 +16,9 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4
-"""Least thickness over the sheet's thickness, so that omitted faces still have a direction of force."""
+"""Least thickness, as a fraction of the sheet's thickness, so that omitted faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Largest change of a face in the last step and in any step, over the sheet's thickness; largest number of steps."""
+"""Fractions of the sheet's thickness: largest change of a face in the last step, and in any step. Then, most steps."""
 
 
 class VaryingSheet(NamedTuple):
@@ -33,7 +33,7 @@ class VaryingSheet(NamedTuple):
 
 
 def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats, share: float) -> VaryingSheet:
-    """Return the stiffest sheet whose mean thickness over the area is `share` of the sheet's thickness.
+    """Return the stiffest sheet whose mean thickness is the fraction `share` of the sheet's thickness.
     weights : (k,) factors of the loads' compliances in the sum to minimise.
     Raises StaticsError for a sheet without sufficient supports, or a load on a vertex without faces."""
     surface = sheet.surface
@@ -64,10 +64,10 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """Return x sqrt(gain / multiplier) (m,), at most `move` from x; the multiplier gives `area` [Bendsoe 1995].
+    """Return x sqrt(gain / multiplier) (m,), changed by at most `move`, with the multiplier for `area` [Bendsoe 1995].
 
     gain  : (m,) decrease of the compliance per area of material added to a face.
-    solid : (m,) faces that stay at 1."""
+    solid : (m,) faces that stay at 1.    area : sum of the results times `areas`, m2."""
     low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)

@@ -1,6 +1,6 @@
 """Verification of the elements by structures with known answers, on three meshes or more for each pair of elements.
 
-Each family of tests has a file. A test (`Test`) has a mesh, a load, and a value with its reference."""
+Each kind of tests has a file. A test (`Test`) has a mesh, a load, and a value with its reference."""
 
 from collections.abc import Callable, Iterator, Sequence
 

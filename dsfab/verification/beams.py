@@ -44,7 +44,7 @@ def curved_beam(cells: int, mesh: Mesh, force: Vector) -> Problem:
 
 
 def twisted_beam(cells: int, mesh: Mesh, force: Vector, thickness: float = 0.32) -> Problem:
-    """Return a beam 12 x 1.1, twisted by a quarter turn from the root to the tip."""
+    """Return a beam 12 x 1.1, twisted by 90 degrees from the root to the tip."""
     uv, F = square(11 * cells, cells, mesh)
     across, turn = 1.1 * (uv[:, 1] - 0.5), np.pi / 2 * uv[:, 0]
     V = np.stack([12 * uv[:, 0], across * np.cos(turn), across * np.sin(turn)], axis=1)
@@ -56,8 +56,8 @@ BENT_WIDTH = 0.2
 
 
 def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
-    """Return a strip 0.2 wide, bent into a quarter circle of radius 1; a force pushes its free end back.
-    slenderness : radius over thickness, R / h. The strip bends without stretching; membranes that lock cannot do so.
+    """Return a strip 0.2 wide, bent into a quarter circle of radius 1, with a force on its free end along the radius.
+    slenderness : radius / thickness, R / h. The strip bends without stretching; membranes that lock cannot do so.
     Without Poisson effect, beam theory is exact."""
     uv, F = square(8 * cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
@@ -90,7 +90,7 @@ EDGES_OF_STRIP = 0.63 * 2 / 20
 """Loss of torsional stiffness at the edges of a strip of width b and thickness t: b t^3 / 3 (1 - .63 t / b) remains
 [de Saint Venant]. Shear across the thickness causes the loss; theories of thin sheets do not have this shear."""
 
-IN_TORSION = 0.9899  # Share of torsion in the strain energy of the hook as a curved beam; bending and shear remain.
+IN_TORSION = 0.9899  # Fraction of torsion in the strain energy of the hook as a curved beam; the rest: bending, shear.
 
 STRIP = (
     "curved beam theory with a thin strip's torsion constant b t^3 / 3 (MacNeal and Harder's 0.5022 is for the true "
@@ -99,7 +99,7 @@ STRIP = (
 
 
 def _curved_strip() -> float:
-    """Return the movement of a quarter ring loaded across its plane [Timoshenko 1955]:
+    """Return the movement of a quarter ring under a load normal to its plane [Timoshenko 1955]:
     P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J))."""
     young, poisson, radius, width, thickness = 1e7, 0.25, 4.22, 0.2, 0.1
     bending = young * width * thickness**3 / 12

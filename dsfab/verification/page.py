@@ -34,7 +34,7 @@ INK, FAINT = "#010203", "#040506"  # The page replaces these colours by its own 
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
-    """Plot the error (%) over unknowns: lines for pairs of elements and mesh patterns, marks for published values."""
+    """Plot error (%) against unknowns: lines for pairs of elements and mesh patterns, marks for published values."""
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):
             for k, mesh in enumerate(test.meshes):

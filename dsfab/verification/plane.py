@@ -58,8 +58,8 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
 
 
 def cook(cells: int, mesh: Mesh) -> Problem:
-    """Return a tapered panel 48 long, from 44 to 16 high, sheared by a unit force; value: movement of its end.
-    The middle vertex of the end counts. `diagonal` halves cells along the short diagonal, like published triangles."""
+    """Return a tapered panel 48 long, from 44 to 16 high, sheared by a unit force; value: movement of its end's
+    middle vertex. `diagonal` halves cells along the short diagonal, like published triangles."""
     uv, F = square(cells, cells, mesh)
     if mesh == "diagonal":
         uv, F = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1), F[:, ::-1]

@@ -1,4 +1,4 @@
-"""Plates: deflection and stress under a load across their plane, vibration, and buckling."""
+"""Plates: deflection and stress under a load normal to their plane, vibration, and buckling."""
 
 from dataclasses import replace
 from functools import partial
@@ -32,11 +32,11 @@ from dsfab.verification.problems import (
 PLATE = Material(young=1e7, poisson=0.3)
 HEAVY = replace(PLATE, density=1000.0)
 THIN = 0.01
-ACROSS = (0.0, 0.0, 1.0)  # Load across the plane of a plate, Pa.
+ACROSS = (0.0, 0.0, 1.0)  # Load normal to the plane of a plate, Pa.
 
 
 def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
-    """Return a unit square under 1 Pa across its plane; the value is the deflection of its centre times D / (q a^4)."""
+    """Return a unit square under 1 Pa normal to its plane; value: deflection of its centre times D / (q a^4)."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     sides = [is_at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0)]
@@ -63,7 +63,7 @@ def skew_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def stressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return the supported plate; the value is the largest stress at its centre over q (a / h)^2."""
+    """Return the supported plate; the value is the largest stress at its centre, divided by q (a / h)^2."""
     problem = plate(cells, mesh, clamped=False)
     surface = problem.surface
     centre = np.abs(surface.V[:, :2] - 0.5).max(axis=1).argmin()

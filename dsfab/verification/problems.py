@@ -61,7 +61,7 @@ def edges_on(surface: Surface, *lines: Bools) -> Bools:
 
 
 def octasphere(cells: int) -> tuple[Floats, Ints]:
-    """Return V (n, 3), F (m, 3) of the unit sphere: an octahedron with `cells` on each edge; normals point outwards."""
+    """Return V (n, 3), F (m, 3) of a unit sphere made from an octahedron with `cells` cells along each edge."""
     b, faces = _octahedron_side(cells)
     signs = np.array([[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)])
     points = (b[None] * signs[:, None]).reshape(-1, 3)
@@ -77,7 +77,7 @@ def octant(cells: int) -> tuple[Floats, Ints]:
 
 
 def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
-    """Return corners (n, 3) and faces of one octahedron side; a corner has three integers, whose sum is `cells`."""
+    """Return corners (n, 3) and faces of one octahedron side; corners are integers x, y, z with the sum `cells`."""
     i, j = np.meshgrid(np.arange(cells + 1), np.arange(cells + 1), indexing="ij")
     inside = i + j <= cells
     number = np.full((cells + 1, cells + 1), -1)
@@ -99,8 +99,8 @@ def _on_sphere(points: Ints, cells: int) -> Floats:
 class Problem:
     """One mesh of one test: structure, loads, and the value to compare.
 
-    fixed   : (n, 3) held directions.                   clamped : (e,) edges that cannot turn (built in, or symmetry).
-    force   : (n, 3) concentrated loads, newtons.       face, edge : (m, 3) loads per area and (e, 3) per length.
+    fixed   : (n, 3) fixed directions.                clamped : (e,) edges that cannot rotate (built in, or symmetry).
+    force   : (n, 3) concentrated loads, newtons.       face, edge : loads per area (m, 3), per length (e, 3).
     value   : function that returns the value from an equilibrium.
     modes   : function that returns the value from elements, for eigenvalue problems; else None."""
 
@@ -210,7 +210,7 @@ class Test:
 
 
 def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
-    """Return held directions (n, 3) from pairs of a vertex mask (n,) and directions such as "xz"."""
+    """Return fixed directions (n, 3) from pairs of a vertex mask (n,) and directions such as "xz"."""
     fixed = np.zeros((n, 3), dtype=bool)
     for where, axes in supports:
         for axis in axes:
@@ -227,7 +227,7 @@ def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Fl
 
 
 def mean_move(where: Bools, direction: tuple[float, float, float]) -> Callable[[Equilibrium], float]:
-    """Return a function from an answer to the mean displacement of marked vertices (n,) along a direction, metres."""
+    """Return a function of an answer: the mean displacement (m) of marked vertices (n,) along a direction."""
     return lambda answer: float((answer.u[where] @ np.array(direction)).mean())
 
 

@@ -17,9 +17,9 @@ class VerificationRow:
     """Result of one test on one mesh with one pair of elements.
 
     unknowns : number of free unknowns.
-    ratio    : value over reference; `ratio` and `value` are None if the elements cannot clamp the edges of the test.
+    ratio    : value / reference; `ratio` and `value` are None if the elements cannot clamp the edges of the test.
     rate     : observed order of convergence from this mesh and the two coarser ones, without the reference; None on
-               the first two meshes and at round-off. Jittered meshes are not nested, so their rate is rough.
+               the first two meshes, and if rounding dominates. Jittered meshes are not nested, so their rate is rough.
     verdict  : `ok`: within the tolerance of the test. `coarse`: outside, but the finest mesh is within. `off`:
                outside, and so is the finest mesh. `theory`: the finest mesh is off, but meets the limit of thin sheets
                (`Test.beyond`). `not run`: the test clamps edges, and hinges have no rotations. `refused`: the solver
@@ -27,7 +27,7 @@ class VerificationRow:
     target   : largest allowed relative error on this mesh, for the pair for displacements; None without a target.
     met      : True if the error is below the target.
     limit    : reference of the target, if it is not `reference`; see `Test.limit`.
-    of_limit : value over limit."""
+    of_limit : value / limit."""
 
     test: str
     mesh: str
@@ -71,7 +71,7 @@ def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
 def _rows(
     test: Test, mesh: Mesh, elements: str, unknowns: Sequence[int], values: Sequence[float | None], missing: str = ""
 ) -> list[VerificationRow]:
-    """Return a row for each mesh; missing : verdict without a value."""
+    """Return a row for each mesh; missing : verdict of a row without a value."""
     ratios = [None if value is None else value / test.reference for value in values]
     rows = []
     for k, (value, count) in enumerate(zip(values, unknowns, strict=True)):
@@ -102,7 +102,7 @@ def observed_rate(values: Sequence[float | None]) -> float | None:
 
 
 def pattern_spread(rows: Iterable[VerificationRow]) -> dict[tuple[str, str, int], float]:
-    """Return, for each (test, elements, cells), the largest value of all mesh patterns over the smallest, minus 1."""
+    """Return, for each (test, elements, cells), the largest relative difference between values of mesh patterns."""
     values: dict[tuple[str, str, int], list[float]] = {}
     for row in rows:
         if row.value is not None:
@@ -141,12 +141,12 @@ class Publication:
 
 @dataclass(frozen=True)
 class Published:
-    """One published value over the reference of its source.
+    """One published value, divided by the reference of its source.
 
     cells    : number of cells of this test's mesh (a whole roof has twice the cells of its quarter); None if the
                source has only a `note`, such as "coarse mesh".
-    unknowns : number in the source's mesh, if the test has no equal mesh; then `cells` is that of the next coarser
-               mesh of the test. None: counted on the test's mesh."""
+    unknowns : number in the source's mesh, if no mesh of the test equals it; `cells` then belongs to the next coarser
+               mesh of the test. None: both meshes are equal."""
 
     test: str
     element: str
@@ -191,7 +191,7 @@ Ratios = dict[str, tuple[float, ...]]
 SHAPES = ("", "_parallelograms", "_trapezoids")
 
 STRAIGHT_BEAMS: tuple[tuple[Publication, str, tuple[float, ...], tuple[float, ...]], ...] = (
-    # two tuples hold the ratios on three shapes of cells: for loads in the plane, and for loads across the plane
+    # two tuples hold the ratios on three shapes of cells: for loads in the plane, and for loads normal to it
     (STRAIGHT, "OptiStruct TRI3", (0.032, 0.012, 0.019), (0.973, 0.955, 0.965)),
     (STRAIGHT, "OptiStruct QUAD4", (0.992, 0.712, 0.173), (0.981, 0.981, 0.964)),
     (STRAIGHT, "OptiStruct TRI6", (0.994, 0.962, 0.972), (1.001, 0.995, 0.999)),
@@ -229,7 +229,7 @@ REFINED: tuple[tuple[str, Publication, tuple[int, ...], Ratios], ...] = (
 )
 
 TWISTED_BEAMS: tuple[tuple[Publication, Ratios, str], ...] = (
-    # each pair holds the ratios for loads along the width of the tip, and across the width
+    # each pair holds the ratios for loads along the tip's width, and normal to it
     (TWISTED, {"OptiStruct TRI3": (0.984, 0.839), "OptiStruct QUAD4": (0.992, 0.988)}, "12 x 2, assumed"),
     (HARDER, {"NASTRAN QUAD4": (0.993, 0.985)}, "12 x 2"),
 )
@@ -274,8 +274,8 @@ class Standing:
     """One published value beside dsfab's pair of elements for displacements.
 
     unknowns : number in the published mesh; None if the source does not tell it.
-    ours     : relative error of dsfab's pair: the largest of its regular patterns on this mesh and finer meshes, so
-               that luck does not count. None without a comparable mesh.
+    ours     : relative error of dsfab's pair: the largest of all regular patterns, on this mesh and on finer meshes,
+               which excludes luck. None without a comparable mesh.
     basis    : `unknowns`: our error is interpolated to as many unknowns, or belongs to our finest mesh if that has
                fewer. `cells`: our error belongs to the same cells, because all our meshes have more unknowns.
     outcome  : result of the comparison: our error is better than, like, or worse than the published error."""
@@ -299,7 +299,7 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Return unknowns and largest error of all patterns, by the numbers of cells at which no pattern failed."""
+    """Return unknowns and largest error of all patterns, by number of cells; omit numbers where a pattern failed."""
     worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         cell_rows = [row for row in rows if row.cells == cells]

@@ -117,7 +117,7 @@ def test_sheets_in_place_of_the_solid(sheet, share, capsys, tmp_path):
     [
         ("stl,pdf", "dsfab export does not write 'pdf'; `dsfab compare` and `dsfab report` write reports as PDF"),
         ("steep", "'steep' is not a format; did you mean step? use one of"),
-        ("stl,calculix", "format 'calculix' is not a file of a build; write it with dsfab export --to calculix"),
+        ("stl,calculix", "a build does not write the format 'calculix'; use dsfab export --to calculix"),
     ],
 )
 def test_a_build_tells_wrong_formats_once_as_an_export_does(formats, words, capsys):

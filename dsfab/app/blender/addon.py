@@ -46,7 +46,7 @@ class Preferences(bpy.types.AddonPreferences):
 
 
 class Wishes(bpy.types.PropertyGroup):
-    """Settings of a build, which the .blend file stores."""
+    """Settings of a build; the .blend file stores them."""
 
     preset: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Preset",
@@ -145,7 +145,7 @@ def new_collection(name: str, under: bpy.types.Collection) -> bpy.types.Collecti
 
 
 def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection:
-    """Return the view layer's entry for a collection; this entry holds the visibility."""
+    """Return the view layer's entry for a collection, which states whether the collection is visible."""
     layers = [bpy.context.view_layer.layer_collection]
     while layers:
         layer = layers.pop()
@@ -190,7 +190,7 @@ class Build(bpy.types.Operator):
         entry = context.preferences.addons.get(__name__)
         python = entry.preferences.python if entry and entry.preferences else PYTHON
         try:
-            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # its name becomes that of the design
+            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # also the design's name
             mesh_file(context.active_object, self._metres, mesh)
             words = command(python, mesh, context.scene.dsfab, folder / "built")
             # the output goes into a file, because a full pipe would stop the program

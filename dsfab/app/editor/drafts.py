@@ -91,9 +91,9 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return facts about the pattern, and arrays of both families: half-widths (n, 2) in periods, and slopes (n, 2).
-    Slopes are lines per metre, for stripes on modes at frequency 1. `shares` (n, 2), for evenly spaced stripes, are
-    the local half-widths divided by the mean half-widths at a vertex."""
+    """Return facts about the pattern, and arrays (n, 2), a column for each family of stripes.
+    half: half the width of a stripe, in periods of its wave. slope: stripes per metre; for modes, at frequency 1.
+    shares, for evenly spaced stripes: the half-width at a vertex, divided by the mean half-width."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
     facts = {
@@ -121,7 +121,7 @@ def colour_scales() -> dict[str, list[list[int]]]:
 
 
 def has_creases(surface: Surface) -> bool:
-    """Return True if a face's normal differs so much from those at its corners that the page must light each pixel."""
+    """Return True if a face's normal differs so much from those at its corners that the page must shade each pixel."""
     normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
     return bool(normals.sum(axis=2).min() < 0.8)  # shader.js uses the same cosine
 
@@ -194,7 +194,7 @@ def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
     """Return the arrays of a cut sheet with k vertices and m faces; families share no vertices.
 
     V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) edges of the outlines.
-    tint : (k,) 0 major family, 1 minor family, 2 further material.    normals : (k, 3) unit, of the uncut surface.
+    tint : (k,) 0 major family, 1 minor family, 2 other material.    normals : (k, 3) unit, of the uncut surface.
     corners, shares : (k, 3) each; vertices of the face in the mesh of the stripes, and barycentric weights in it."""
     surface, striped_surface = sheet.surface, StripedMesh.from_design(draft).surface
     tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in draft.pattern.names])
@@ -246,7 +246,7 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
         "place": None if narrowest is None else narrowest.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # bars end at `least`
+        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # a bar ends exactly at `least`
         "min_member": least,
         "pattern": _pattern_figures(draft, cut),
         "compliance": solved.compliance if solved.elements.is_reported else None,

@@ -213,5 +213,5 @@ class Jobs:
     def _notify(self, job: EditorJob) -> None:
         record = job.record()
         for listener in self._listeners:
-            with suppress(queue.Full):  # the reader of a full queue has gone
+            with suppress(queue.Full):  # nobody reads a full queue any more
                 listener.put_nowait(record)

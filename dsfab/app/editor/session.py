@@ -117,7 +117,7 @@ class Session:
         return self._set_opened(self.current_preset.open_toml(text))
 
     def open_variant(self, number: int) -> dict[str, Any]:
-        """Open the preset of a variant; the key `changes` of the result has the variant's changes of this preset."""
+        """Open the preset of a variant; the result's key `changes` holds the variant's changes to this preset."""
         variant = self.variants[number]
         with self._lock:
             is_open = variant.opened is self._opened
@@ -256,7 +256,7 @@ class Session:
             with self._lock:
                 self._sketched = self._next_view(sketch, opening)
         solved = design.until("pattern")
-        progress("pattern", "handing over")  # last chance for a cancellation
+        progress("pattern", "handing over")  # the user can cancel here for the last time
         with self._lock:
             self._shown = shown = self._next_view(solved, opening)
             self._sketched = None

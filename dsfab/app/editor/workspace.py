@@ -124,7 +124,7 @@ class OpenedPreset:
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
         """Return the command that builds the changed preset, and whether the user must save the preset first."""
         preset = self.preset_with(changes)
-        if self.words and self.decided and MATERIAL in changes:  # the thickness must stay
+        if self.words and self.decided and MATERIAL in changes:  # keep the thickness of the proposal
             changes = {"statics.thickness": preset.statics.thickness, **changes}
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_value_text(value)}")]
         command = shlex.join(["dsfab", "build", *self.words, *sets])
@@ -273,7 +273,7 @@ class VariantTray:
         ]
 
     def keep(self, variant: KeptVariant) -> None:
-        """Add a variant; without a name, its number names it. Raises DsfabError for an invalid variant."""
+        """Add a variant; if it has no name, its number is its name. Raises DsfabError for an invalid variant."""
         _ = variant.preset
         if len(self._all) >= MAX_VARIANTS:
             raise DsfabError(f"the tray holds {MAX_VARIANTS} variants already; remove one first")

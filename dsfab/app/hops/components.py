@@ -89,7 +89,7 @@ def design_of_request(request: HopsRequest) -> Design:
 
 
 def _note_texts(design: Design, request: HopsRequest) -> list[str]:
-    """Return what the mesh holds, and the notes on the design."""
+    """Return a description of the mesh, and the notes on the design."""
     mesh = request.values["mesh"]
     return [f"taken: {', '.join(thing.text for thing in mesh.content)}", *(note.text for note in design.notes)]
 

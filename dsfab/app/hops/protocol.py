@@ -24,7 +24,7 @@ NET_TYPES: dict[Kind, str] = {
 }
 """Names of the .NET types of output values."""
 
-UNLIMITED = 2**31 - 1  # Hops takes this number for no limit.
+UNLIMITED = 2**31 - 1  # Hops takes this number as "no limit".
 
 
 class HopsError(DsfabError):

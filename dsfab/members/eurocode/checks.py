@@ -89,12 +89,12 @@ class CodeCheck(NamedTuple):
 
 
 CheckRatios = dict[CodeCheck, Floats]
-"""Force over resistance by check: (b, 5) at the stations of b bays, or (b, 1) for whole bays."""
+"""Force divided by resistance, by check: (b, 5) at the stations of b bays, or (b, 1) for whole bays."""
 
 
 @dataclass(frozen=True, eq=False)
 class Utilisation:
-    """Force over resistance of bays; 1 is the limit.
+    """Forces on bays, divided by their resistances; 1 is the limit.
 
     bays     : b bays.    checks : c checks.    standard : name of the standard, or the reason why none applies.
     values   : by case or combination, (b, c) largest value along each bay for each check.
@@ -222,7 +222,7 @@ class Rectangle:
 
     @cached_property
     def Wt(self) -> Floats:  # noqa: N802
-        """Torque over largest shear stress (b, k), m3 [Roark, table 10.1, case 4]."""
+        """Torque divided by the largest shear stress (b, k), m3 [Roark, table 10.1, case 4]."""
         a = np.maximum(self.width, self.thickness) / 2
         r = np.minimum(self.width, self.thickness) / 2 / a
         return np.asarray(8 * a**3 * r**2 / (3 * (1 + 0.6095 * r + 0.8865 * r**2 - 1.8023 * r**3 + 0.91 * r**4)))
@@ -262,7 +262,7 @@ STRESS = CodeCheck("stress over strength", "no standard: sqrt(s^2 + 3 t^2), s = 
 
 
 def plain_checks(bays: MemberBays, forces: Floats, strength: float, bent: Floats) -> CheckRatios:
-    """Return the largest von Mises stress of an elastic section over a strength (Pa), for forces (b, 5, 6).
+    """Return the largest von Mises stress of an elastic section, divided by a strength (Pa), for forces (b, 5, 6).
     bent : (b, 5) stress from bending members into shape, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     N, Vy, Vz, Mt, My, Mz = np.abs(np.moveaxis(forces, -1, 0))

@@ -16,7 +16,7 @@ class SteelGrade:
     source: str
 
     def fy(self, thickness: float) -> float:
-        """Return the yield strength (Pa) of a plate of a thickness (m); beyond the table its last value."""
+        """Return the yield strength (Pa) of a plate with this thickness (m); if thicker, the table's last value."""
         return next((value for limit, value in self.yields if thickness <= limit * (1 + 1e-9)), self.yields[-1][1])
 
     def covers(self, thickness: float) -> bool:
@@ -97,7 +97,7 @@ TIMBER = {
 
 Duration = Literal["permanent", "long", "medium", "short", "instantaneous"]
 DURATIONS: tuple[Duration, ...] = get_args(Duration)
-"""Load durations from over ten years to moments [EN 1995-1-1, table 2.1]."""
+"""Load durations, from more than ten years to moments [EN 1995-1-1, table 2.1]."""
 
 ServiceClass = Literal[1, 2, 3]
 

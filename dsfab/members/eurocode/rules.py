@@ -45,7 +45,7 @@ class Rules:
 
 
 def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
-    """Return force over resistance of bays for all their cases.
+    """Return force divided by resistance, for bays and all their cases.
     Raises StaticsError if neither the material nor a strength is known, and if there are no bays."""
     if not bays.member:
         raise StaticsError(

@@ -31,7 +31,7 @@ class SteelFactors:
     """Factors of steel checks.
     curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2].
     gamma_m0, gamma_m1 : partial factors of sections and of members [6.1].
-    buckling_length : buckling length over the distance between nodes."""
+    buckling_length : buckling length divided by the distance between nodes."""
 
     curve: Curve = "c"
     gamma_m0: float = 1.0
@@ -42,7 +42,7 @@ class SteelFactors:
 def steel_checks(
     bays: MemberBays, forces: Floats, grade: SteelGrade, elastic: tuple[float, float], factors: SteelFactors
 ) -> CheckRatios:
-    """Return force over resistance of bays under forces (b, 5, 6). elastic : Young's modulus and shear modulus, Pa."""
+    """Return force divided by resistance, for bays under forces (b, 5, 6). elastic : Young's and shear modulus, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     fy = grade.fy(bays.thickness)
     ratios = section_checks(section, forces, fy / factors.gamma_m0)
@@ -52,9 +52,9 @@ def steel_checks(
 
 def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios:
     """Check sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
-    The shear stress is that of the elastic distribution, 1.5 V / A, plus St. Venant's torsion. Where V exceeds half of
-    its plastic resistance, reduced by torsion, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. Bending
-    with N is (N / N_Rd)^2 plus both M / M_pl,Rd: (6.41) with exponents 1 and (6.32)."""
+    The shear stress is elastic, 1.5 V / A, plus St. Venant's torsion. Torsion reduces the plastic resistance to V. If V
+    exceeds half of this resistance, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. N and bending act
+    together as (N / N_Rd)^2 + My / My_pl,Rd + Mz / Mz_pl,Rd: (6.32), and (6.41) with exponents 1."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
@@ -105,8 +105,8 @@ def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:
 
 
 def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:
-    """Return the larger of (6.61) and (6.62). tilted : M over resistance about the strong axis, divided by chi_LT.
-    strong, weak : slenderness, N and M over resistance, and C_m, for buckling about the strong and the weak axis."""
+    """Return the larger of (6.61) and (6.62). tilted : M / M_Rd about the strong axis, divided by chi_LT.
+    strong, weak : slenderness, N / N_b,Rd, M / M_Rd and C_m, for buckling about the strong and the weak axis."""
     (lam_s, n_s, _, C_s), (lam_w, n_w, m_w, C_w) = strong, weak
     k_ss = C_s * (1 + 0.6 * np.minimum(lam_s, 1) * n_s)
     k_ww = C_w * (1 + 0.6 * np.minimum(lam_w, 1) * n_w)

@@ -35,7 +35,7 @@ BEAM = CodeCheck("stability as a beam", f"{STANDARD} 6.3.3 (6.33), (6.35)")
 class TimberFactors:
     """Factors of timber checks.
     service_class : 1 heated, 2 under a roof, 3 in the open.    gamma_m : partial factor; None for that of table 2.3.
-    buckling_length : buckling length over the distance between nodes.
+    buckling_length : buckling length divided by the distance between nodes.
     layer : thickness (m) of straight layers that are bent into shape; 0 for members that are made in their shape."""
 
     service_class: ServiceClass = 2
@@ -47,7 +47,7 @@ class TimberFactors:
 def timber_checks(
     bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
 ) -> CheckRatios:
-    """Return force over resistance of bays under forces (b, 5, 6), for the duration of the shortest load.
+    """Return force divided by resistance, for bays under forces (b, 5, 6) with the shortest load's duration.
     elastic : Young's modulus, Pa, for the stress from bending into shape, E layer |kn| / 2."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     over = (factors.gamma_m or GAMMA[grade.product]) / k_mod(duration, factors.service_class)
@@ -89,7 +89,7 @@ def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrad
 
 
 def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[Floats, Floats]:
-    """Return both bending stresses over characteristic strengths; LVL on edge loses strength above 300 mm [3.4 (3)]."""
+    """Return both bending stresses / characteristic strengths; LVL on edge loses strength above 300 mm [3.4 (3)]."""
     deep = np.maximum(section.width / LVL_HEIGHT, 1.0) ** grade.size
     return stress.my / grade.fm_flat, stress.mz * deep / grade.fm
 

@@ -14,11 +14,11 @@ from dsfab.members import Member
 from dsfab.members.frame.joints import AxisJoints, fitting
 from dsfab.surface import LoadCase, Surface
 
-SHORT = 1e-3  # Two nodes of a member count as one if their distance is below this share of its width.
+SHORT = 1e-3  # Two nodes of a member count as one if they are nearer than this fraction of its width.
 
 
 class BeamRow(NamedTuple):
-    """A beam: its nodes, local z, width and shift (m), its member, and `stout`, see `Beams`."""
+    """A beam: its nodes, local z, width and eccentricity (m), its member's number, and `stout`, see `Frame`."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -30,7 +30,7 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Beams as arrays, see `Frame`. stout : (b,) member's width over its bay's length; 1 beside grazing members."""
+    """Beams as arrays. `Frame` has the same values, and explains them."""
 
     ends: Ints
     normal: Floats
@@ -52,7 +52,7 @@ class Beams:
         return Beams(ends[chosen], *shape, self.member[chosen], self.stout[chosen])
 
     def and_links(self, ends: Ints, normal: Floats, width: Floats) -> "Beams":
-        """Return the beams together with links (k, 2) of widths (k,)."""
+        """Return the beams, and links between nodes (k, 2) as further beams, of widths (k,)."""
         none = np.zeros(len(ends))
         return Beams(
             np.concatenate([self.ends, ends]),
@@ -65,7 +65,7 @@ class Beams:
 
 
 def beams_along(joints: AxisJoints) -> Beams:
-    """Return the beams along all axes, and the links; `joints` gains the nodes that divide bays into beams."""
+    """Return the beams along all axes, and those for links. Nodes that divide bays into beams are added to `joints`."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
         for begin, end in pairwise(_stations(joints, member)):
@@ -117,14 +117,14 @@ def _bay(
 
 def _sides(member: Member) -> Floats:
     """Return widths (k, 2), m, to the left and right of the axis.
-    The axis of a disc is a ring. A disc has no inner edge, so each width is at least half its area over its length."""
+    The axis of a disc is a ring. A disc has no inner edge, so each width is at least half of area / length."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return arc lengths (k + 1,) that divide a bay into joints and straight beams, and added widths (k,) of joints."""
+    """Divide a bay into joints and straight beams: return arc lengths (k + 1,), and added widths (k,) of joints."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # shorter joints are left out
@@ -133,13 +133,13 @@ def _divide_bay(
         fine, clear = fine % member.length, clear % member.length
     bent = np.interp(fine, axis.s, np.hypot(axis.kg, axis.kn)).mean() * (t - s)
     width = np.interp(clear, axis.s, member.width)
-    # a beam turns by at most 5 degrees, tapers by at most 1.25, and is at least half as long as wide
+    # a beam bends by at most 5 degrees and tapers by a factor of at most 1.25, if it is longer than half its width
     parts = max(np.degrees(bent) / 5.0, np.log(width.max() / width.min()) / np.log(1.25))
     count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
     cuts = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
     # a joint is wider by half of the crossing member's width, because forces spread into that member at 45 degrees;
-    # frame over sheet compliance of tower, vaults, gridshell: .96, 1.00, .98; without this width 1.10, 1.02, 1.06
+    # frame's compliance / sheet's: tower .96, vaults 1.00, gridshell .98; without this width 1.10, 1.02, 1.06
     into = 0.5
     if half[0]:
         cuts, spread = np.concatenate([[s], cuts]), np.concatenate([[into * joint_widths[0]], spread])
@@ -178,8 +178,8 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
     """Return forces and moments (n, 6), N and Nm, at nodes, from forces on the vertices V (v, 3) of a sheet.
-    Each force acts at the nearest point on the axes, with its moment about that point. The two nodes of the beam carry
-    it like supports of a simple beam. The sums of forces and moments are those of the sheet."""
+    Each force is moved to the nearest point on the axes, with its moment about that point. Both are divided
+    between the beam's nodes as between supports of a simple beam. Total force and moment are those of the sheet."""
     loads = np.zeros((len(points), 6))
     ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
     for side, share in ((0, 1 - places.along), (1, places.along)):
@@ -223,10 +223,10 @@ def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: B
     np.maximum.at(least, group, _blocks(load, surface)[vertices])
     turned = np.zeros(len(which), dtype=bool)
     np.logical_or.at(turned, group, clamped[vertices])
-    block = least > 0.2 * around  # a fixed area wider than this share of the beams' width cannot turn
+    block = least > 0.2 * around  # a fixed area wider than 0.2 of the beams' width cannot rotate
     still = turned | (block & fixed[:, :3].all(axis=1))
     fixed[:, 3:] |= still[:, None]
-    apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # supports at a larger distance need a link
+    apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # supports farther from the node need a link
     return NodeSupports(which, place, apart & ~block, fixed, spring, np.maximum(reach, 0.25 * around))
 
 
@@ -259,7 +259,7 @@ def _reach(V: Floats, group: Ints) -> Floats:
 
 
 def fixed_in_plane(fixed: Bools, axis: int) -> Bools:
-    """Return the supports (n, 6) of a plane frame, fixed also against leaving its plane, whose normal is `axis`."""
+    """Return the supports (n, 6) of a plane frame that cannot leave its plane, whose normal is the global `axis`."""
     still = fixed.copy()
     still[:, axis] = True
     still[:, [3 + k for k in range(3) if k != axis]] = True

@@ -71,7 +71,7 @@ def distinct_names(names: list[str]) -> tuple[str, ...]:
 
 
 def _merge_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
-    tolerance = 0.01  # nodes nearer than this share of the median width merge
+    tolerance = 0.01  # nodes nearer than this fraction of the median width merge
     pairs = cKDTree(points).query_pairs(tolerance * float(np.median(beams.width)), output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     label = connected_components(links, directed=False)[1]
@@ -119,7 +119,7 @@ def _with_supports(
 
 
 def _local_z(points: Floats, beams: Beams) -> Floats:
-    """Return unit vectors (b, 3) across each beam, as near to the surface normal as possible."""
+    """Return unit vectors (b, 3) at right angles to each beam, as near to the surface normal as possible."""
     x = points[beams.ends[:, 1]] - points[beams.ends[:, 0]]
     x /= np.linalg.norm(x, axis=1)[:, None]
     axis = np.eye(3)[np.abs(x).argmin(axis=1)]

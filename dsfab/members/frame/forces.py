@@ -14,7 +14,7 @@ from dsfab.statics import SectionForces
 from dsfab.surface import Surface
 
 PLANES = 4
-"""Number of planes within one edge of the mesh around a station.
+"""Number of planes near a station, all within one edge length of the mesh.
 Forces are averaged over these planes, because forces of a face are constant and only their means are in equilibrium."""
 
 
@@ -59,7 +59,7 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
 
 
 def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """Return arc lengths (c, 3), m, of the corners of cells; in a cell they differ by less than half a closed axis."""
+    """Return arc lengths (c, 3), m, of cells' corners. On a closed axis, those of a cell differ by less than L / 2."""
     used, vertex_row = np.unique(surface.F[cells], return_inverse=True)
     count = int(np.clip(4 * axis.length / surface.mean_edge, 16, 20_000))
     t = np.linspace(0, axis.length, count + 1)
@@ -104,7 +104,7 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
     length = np.linalg.norm(direction, axis=1)
     along = direction / np.maximum(length, np.finfo(float).tiny)[:, None]
     across = np.cross(along, surface.normals[face])
-    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # this corner is the farthest along the axis
+    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # the corner farthest along the axis
     across *= np.sign(np.einsum("ci,ci->c", ahead, across))[:, None]
     free = surface.edges.boundary[surface.edges.of[face]]
     rows, ends = np.nonzero(free[np.arange(len(face))[:, None], _edge_number(surface, face, edges)])
@@ -121,7 +121,7 @@ def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
     return np.asarray((ends[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
 
 
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # Stations of a bay, as shares of its clear length between joints.
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # Stations of a bay, as fractions of its clear length between joints.
 STATIONS = len(SHARES)  # Number of stations of each bay.
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
 """Section forces on a section with outward normal x: x along the axis, y to the left, z along the surface normal."""
@@ -135,7 +135,7 @@ class MemberForces:
     width  : (k,) width (m) of the section over which forces are summed.
     forces : by case and combination, (k, 6) N, Vy, Vz in newtons and Mt, My, Mz in newton metres, see `COMPONENTS`.
              Positive N is tension. Positive My stretches the side of the normal, positive Mz the right side.
-             Mt turns about the axis."""
+             Mt acts about the axis."""
 
     member: str
     s: Floats
@@ -198,7 +198,7 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """Return forces (e, 3), N, on free edges at ends of lines, divided by the number of planes at a station."""
+    """Return forces (e, 3), N, of the twisting moment on free edges at ends of lines, divided by `PLANES`."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))

@@ -12,11 +12,11 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.members import Member, MemberGraph
 
 SAME = 0.25
-"""Two axes share one node if their distance is below this share of the narrower width; otherwise a link joins them."""
+"""Two axes share one node if they are nearer than this fraction of the narrower width; otherwise a link joins them."""
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """Return lengths (2,), m, of the joints at both ends of a bay, reduced to leave a fifth of the bay."""
+    """Return the lengths (2,), m, of a bay's joints: `halves`, reduced if they leave less than a fifth of the bay."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
@@ -24,8 +24,8 @@ def fitting(halves: Floats, length: float) -> Floats:
 @dataclass(eq=False)
 class AxisJoints:
     """Nodes on the axes of members, collected step by step.
-    points, names : of the nodes.    on : by member, the nodes on its axis, each as arc length and number.
-    links  : pairs of nodes that the sheet joins, and the width of that joint, metres.
+    points, names : of the nodes.    on : by member, pairs (arc length, node number) of the nodes on its axis.
+    links  : (node, node, width in metres) for two nodes that the sheet joins beside the axes.
     ends   : by member, begin and end of its beams, metres along its axis.
     grazed : nodes at which members share material beside their middle lines."""
 
@@ -142,8 +142,8 @@ def _join_touching(joints: AxisJoints, trees: Trees) -> None:
     """Join ends without a node to the members that continue their material.
 
     A free end is joined to all members that touch it, other ends only to members that also end there. So the arms of a
-    star stay connected, even across a few faces without an axis. Members count as touching within the end's width. Ends
-    with a node stay unchanged: with links, the preset `cantilever` would be 6 % stiffer than its sheet."""
+    star stay connected, even across a few faces without an axis. A member touches an end if it is nearer than the end's
+    width. Ends with a node get no links, which would make the preset `cantilever` 6 % stiffer than its sheet."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]
@@ -225,9 +225,9 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 
 def add_hubs(joints: AxisJoints) -> None:
-    """Add a hub for each disc with three nodes or more; the widths of its spokes add up to the length of the ring.
+    """Add a hub (central node) and links (spokes) to each disc of 3 nodes or more. Spoke widths sum to the ring length.
     Let a be the radius and t the thickness of the disc. Under a load P on the hub the spokes deflect by 0.159 P a^2 /
-    (E t^3), with 0.159 = 1 / 2 pi; a clamped plate deflects by 0.217 P a^2 / (E t^3); the ratio is 0.73. With simple
+    (E t^3), with 0.159 = 1 / 2 pi. A clamped plate deflects by 0.217 P a^2 / (E t^3); the ratio is 0.73. With simple
     supports the factors are 0.637 and 0.552; the ratio is 1.15 [Timoshenko, Woinowsky-Krieger 1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})

@@ -14,7 +14,7 @@ from dsfab.core.errors import StaticsError
 from dsfab.statics import Equilibrium
 
 Combinations = Mapping[str, Mapping[str, float]]  # Factors of cases by the names of combinations.
-SHEAR = 5 / 6  # Shear area of a rectangle over its area [Timoshenko 1921].
+SHEAR = 5 / 6  # Shear area of a rectangle divided by its area [Timoshenko 1921].
 
 
 def torsion_constant(width: Floats, thickness: Floats) -> Floats:
@@ -231,7 +231,7 @@ def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Float
         u[free] = scale * factor.solve(scale * f)
         u[free] += scale * factor.solve(scale * (f - inside @ u[free]))
         residual = np.abs(inside @ u[free] - f).max()
-        loose = 1e-5  # a frame is free to move if the residual exceeds this share of the loads
+        loose = 1e-5  # a frame is free to move if the residual exceeds this fraction of the loads
         if not residual <= loose * max(np.abs(f).max(), np.finfo(float).tiny):
             raise StaticsError(_moves(frame))
         return u
@@ -258,7 +258,7 @@ def _answer(frame: Frame, load: Floats, K: csr_array, u: Floats, local: tuple[Fl
 
 
 STOUT = 0.35
-"""Bays wider than this share of their length do not act as beams, because joints take half of the length."""
+"""Bays wider than this fraction of their length do not act as beams, because joints take half of the length."""
 
 
 @dataclass(frozen=True, eq=False)
