@@ -25,7 +25,7 @@ def border_edges(surface: Surface) -> Bools:
 
 
 def sharp_edges(surface: Surface) -> Bools:
-    """Return the edges (e,) whose two faces have normals at least `CREASE` apart."""
+    """Return the edges (e,) at which the normals of the two faces differ by at least `CREASE`."""
     marks = np.zeros(len(surface.edges.ends), dtype=bool)
     first_normals, second_normals = surface.normals[surface.edges.pairs // 3].transpose(1, 0, 2)
     marks[surface.edges.count == 2] = np.einsum("ei,ei->e", first_normals, second_normals) < np.cos(np.radians(CREASE))
@@ -44,8 +44,8 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
     Vertices move towards the smooth limit surface. Vertices on a boundary or a crease (30 degrees) stay, and the edges
     between them are halved in place.
 
-    Raises SurfaceError for an invalid target or over `LARGEST` triangles, and for `smooth` on a surface that is not
-    manifold and consistently oriented."""
+    Raises SurfaceError for an invalid target or more than `LARGEST` triangles. Also raises it for `smooth` on a surface
+    that is not manifold and consistently oriented."""
     if not (np.isfinite(target) and target > 0):
         raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
     if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):
@@ -168,10 +168,10 @@ def has_three_corners(F: Ints) -> Bools:
 
 
 def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = None) -> Bools:
-    """Return which candidates (c,) precede all candidates near them. Two results never touch a common vertex.
+    """Return which candidates (c,) come before all candidates that touch one of their vertices.
     order   : (c,) the candidates, best first.
     touched : (c, k) of n vertices that each candidate touches.
-    edges   : (e, 2) edges of the mesh; if given, two results never touch neighbouring vertices either."""
+    edges   : (e, 2) edges of the mesh; if given, candidates at neighbouring vertices are compared, too."""
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     least_rank = np.full(n, len(order))
@@ -188,7 +188,7 @@ LEAST_ANGLE_GAIN = 1.0  # Degrees; a flip must increase the smallest angle of tw
 
 def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:
     """Return the surface with flipped edges wherever this increases the smallest angle.
-    may   : (n,) a face may change if one of its corners is marked.    stays : (k, 2) ends of edges that stay.
+    may   : (n,) marks; a face may change if one of its corners is marked.    stays : (k, 2) ends of edges that stay.
     tolerance : largest distance that the surface may move, metres."""
     keys = _keys(surface.n, *stays.T)
     for _ in range(8):

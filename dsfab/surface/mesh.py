@@ -29,7 +29,7 @@ def bounding_box(V: Floats, F: Ints) -> Floats:
 
 def signed_volume(V: Floats, F: Ints) -> float:
     """Return the volume inside closed faces F (m, 3) on V (n, 3), in their unit cubed; negative for inward normals.
-    Method: sum of tetrahedra (divergence theorem) with tips in the middle of the box, to keep digits far from 0."""
+    Method: divergence theorem, as a sum of tetrahedra with tips in the middle of the box, for accuracy."""
     return float(_tetrahedron_volumes(V, F).sum())
 
 
@@ -51,7 +51,7 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield blocks of k faces: slice, first corners (3, k) minus the box's middle, twice the area vectors (3, k)."""
+    """Yield blocks of k faces: slice, first corners (3, k) from the box's middle, and twice the area vectors (3, k)."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)

@@ -61,8 +61,8 @@ def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
-    """Return the faces (m,) to flip so that neighbours agree along a spanning tree of each piece. One-sided pieces need
-    such flips, because no choice makes all neighbours agree; a short seam remains."""
+    """Return the faces (m,) to flip so that neighbours agree along a spanning tree of each piece. In one-sided pieces
+    not all neighbours can agree; there a short seam remains."""
     f, g, clash = _neighbours(F, edges)
     m = len(F)
     steps = coo_array((np.concatenate([clash, clash]) + 1, (np.r_[f, g], np.r_[g, f])), shape=(m, m)).tocsr()

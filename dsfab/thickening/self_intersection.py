@@ -53,7 +53,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
     corner = sorted_order(s)
     around = s[corner]
     position, hits = np.arange(len(corner)), []
-    for distance in range(1, len(corner)):  # up to the number of faces at a vertex
+    for distance in range(1, len(corner)):  # ends after the largest number of faces at a vertex
         position = position[position + distance < len(corner)]
         position = position[around[position] == around[position + distance]]
         if not len(position):

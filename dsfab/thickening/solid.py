@@ -129,7 +129,7 @@ def _triple(point: Floats) -> Place:
     return float(point[0]), float(point[1]), float(point[2])
 
 
-VOLUME_TOLERANCE = 1e-9  # Largest rounding difference from the volume by manifold3d, over area times size.
+VOLUME_TOLERANCE = 1e-9  # Largest difference from the volume by manifold3d, divided by area and size of the solid.
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,8 +252,7 @@ def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) ->
 
 def check_solid(solid: Solid) -> None:
     """Raise SolidError unless manifold3d accepts the solid as a closed manifold and finds the same positive volume.
-    manifold3d makes a bad mesh empty without an error, so the check reads its status. It does not test intersections.
-    """
+    manifold3d makes a bad mesh empty without an error, so the status is read. Intersections are not tested."""
     import manifold3d
 
     mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # writable copies

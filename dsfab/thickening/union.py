@@ -15,12 +15,12 @@ from dsfab.surface.topology import adjacency, corner_fans, corners_of, edge_tabl
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
-INWARD = 0.005  # Share of the way to adjacent vertices by which vertices at seams and at ends of patches move.
+INWARD = 0.005  # Vertices at seams and ends of patches move by this fraction of the distance to their neighbours.
 
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """A part of the sheet with adjacent faces of other parts.
+    """A part of the sheet, extended over adjacent faces of other parts.
     faces : (m,) mask of all these faces.    V : (n, 3) vertices of the sheet, some of them moved.
     share : (n,) factors on the offsets."""
 
@@ -32,8 +32,8 @@ class Overlap:
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Return one part for each colour of the faces (m,); a part extends over adjacent faces of higher colours.
     clashes : (k, 2) pairs of faces of the sheet whose prisms meet; no part contains such a pair.
-    A part of colour c is thinner by 2 % (1 + c / 2) on a seam with a lower colour, and by half of this beside the seam.
-    """
+    On a seam with a lower colour, a part of colour c is thinner by 2 % (1 + c / 2); beside the seam, by half of
+    this."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]

@@ -9,7 +9,7 @@ from dsfab.core.arrays import Floats, Ints, lock
 from dsfab.surface import edge_table, link_components
 from dsfab.thickening.solid import Solid
 
-INSIDE = 0.02  # Lines start near a corner, where tapering walls are thinnest, at this share of the way to the centre.
+INSIDE = 0.02  # Lines start near a corner, where tapering walls are thinnest: at this fraction of the way inwards.
 OPPOSED = float(np.cos(np.radians(20)))  # Faces at larger angles form an edge, not a wall.
 LARGE = 1e6  # Size of the scaled mesh, because libigl's rays miss triangles of less than about 1e-6 in area.
 FLAT = float(np.cos(1e-3))  # Neighbours that are parallel to a thousandth of a radian form one flat facet.
@@ -53,7 +53,7 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Return the row of the least `size` (k,) for which the facets of both faces have no common point, or None."""
+        """Return the row with the smallest `size` (k,) whose faces are on facets without a common point, or None."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break

@@ -107,8 +107,8 @@ def _rounded_scale(limit: float) -> float:
 
 
 THROUGH_ORDER = ("keep", "rim", "major", "minor")  # where two families cross, the first of them is continuous
-ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and at its tip, over the width of its panel
-TAB_GAP_SHARE = 0.15  # distance of a tab from the axis of the member above, over half its width; tabs stay apart
+ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and at its tip, in panel widths
+TAB_GAP_SHARE = 0.15  # distance of a tab from the axis of the member above, in half widths of it
 SHARP_SINE = float(np.sin(np.radians(25.0)))  # members that meet at sharper angles are glued on each other, not cut
 
 
@@ -152,7 +152,7 @@ class _CrossingEdge:
         lock(self, "way", np.float64, (2,))
 
     def stations(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) at which lines y (q,) beside the axis are `away` metres from the crossing axis."""
+        """Return arc lengths (q,) of places y (q,) metres beside the axis, `away` metres from the crossing axis."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 
@@ -310,7 +310,7 @@ class _MemberPanels:
         return FlatPart(name, self.member.id, span, outline, (), (), tuple(marks), 0.0, strain, axis).along_x()
 
     def _ticks(self, layer: Development, span: tuple[float, float], under: Sequence[_CrossingEdge]) -> list[Floats]:
-        ticks, share = list[Floats](), 0.25  # share: length of a tick over the width
+        ticks, share = list[Floats](), 0.25  # share: length of a tick divided by the width
         for edge in under:
             right_width, left_width = self._sides(edge.s)
             right = np.array([-right_width, -right_width + 2 * share * right_width])

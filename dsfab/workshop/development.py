@@ -1,6 +1,6 @@
 """Development of members: axes with their edges, and strips developed into the plane.
 
-A curve P + h N lies at a height h along the normals N of the axis. Its lengths, its turn phi against the axis, and its
+A curve P + h N lies at a height h along the normals N of the axis. Its lengths, its angle phi to the axis, and its
 bending kg_h in the surface are
     ds_h = sqrt((1 - h kn)^2 + (h tg)^2) ds      phi = atan2(-h tg, 1 - h kn)      kg_h = (kg + phi') ds / ds_h
 The formulas follow from N' = -kn T - tg B (Darboux frame). With lengths of the middle surface in place of ds_h, strips
@@ -17,7 +17,7 @@ from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph
 
 PARALLEL_SHARE = 0.05  # relative change of width up to which edges count as parallel
-OBLIQUE_WIDTHS = 1.5  # length at each end of a member, over its width, in which oblique cuts change the width
+OBLIQUE_WIDTHS = 1.5  # length at each end of a member in which oblique cuts change the width, in widths
 EXTENSION_STATIONS = 16  # number of stations beyond each end of an axis
 
 
@@ -103,7 +103,7 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
 
 
 def turns_within_its_width(member: Member) -> Bools:
-    """Return a mask (k,) of the stations at which the centre of the axis's curvature is within the width, or almost."""
+    """Return a mask (k,) of the stations at which the axis's radius in the surface is about half the width or less."""
     return np.asarray(np.abs(member.curve.kg) * member.width / 2 >= 0.9)
 
 
@@ -120,8 +120,8 @@ def uncurled_span(member: Member) -> tuple[float, float]:
 
 
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
-    """Return distances (k,) to the left and to the right edge (m), from noisy sides (k, 2) that were cut on a mesh.
-    Edges become parallel to the axis if they deviate from it by noise only; the remaining edges are smoothed."""
+    """Return smooth distances (k,) to the left and to the right edge (m), from distances (k, 2) that were cut on a
+    mesh. Edges become parallel to the axis if they deviate from it by noise only; the remaining edges are smoothed."""
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)

@@ -17,8 +17,8 @@ from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS
 
 FAMILIES_BELOW = ("rim", "keep")
 """Families that cross both families of stripes and have layers of their own, below all layers of stripes."""
-END_DISTANCE = 3.0  # distance from a bolt to the end of a part, over the bolt diameter
-BOLT_PITCH = 4.0  # distance between bolts of a splice, over the bolt diameter
+END_DISTANCE = 3.0  # distance from a bolt to the end of a part, in bolt diameters
+BOLT_PITCH = 4.0  # distance between bolts of a splice, in bolt diameters
 
 
 @dataclass(frozen=True)

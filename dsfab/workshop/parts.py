@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import compas.geometry
 
 GLYPH_HEIGHT, GLYPH_WIDTH, GLYPH_GAP = 6, 4, 2
-SMALL_LETTER_SHARE = 0.7  # height of small letters over that of capitals
+SMALL_LETTER_SHARE = 0.7  # height of small letters divided by the height of capitals
 GLYPHS = {
     "A": "00 26 40|12 32", "B": "00 06 36 45 34 03|33 42 41 30 00", "C": "45 36 16 05 01 10 30 41",
     "D": "00 06 26 44 42 20 00", "E": "46 06 00 40|03 33", "F": "46 06 00|03 33", "G": "45 36 16 05 01 10 30 41 43 23",
@@ -256,7 +256,7 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
         return None
     if _outline_distance(turn * model.outline, part.outline + shift) > distance:
         return None
-    # an outline with an axis has its right edge first, so half a turn begins with the other edge
+    # the right edge comes first; after half a turn this is the former left edge
     outline = model.outline if turn == 1 else -np.roll(model.outline, len(model.axis), axis=0)
     drilled = tuple(replace(hole, at=model_holes[k]) for hole, k in zip(part.holes, order, strict=True))
     marks = tuple(mark + shift for mark in part.marks)
@@ -264,7 +264,7 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
 
 
 def _outline_distance(P: Floats, Q: Floats) -> float:
-    """Return the largest distance (m) of the corners of a closed outline, (k, 2) or (l, 2), from the other outline."""
+    """Return the largest distance (m) from a corner of either closed outline, (k, 2) or (l, 2), to the other one."""
     return max(float(distances_from_outline(*pair).max()) for pair in ((P, Q), (Q, P)))
 
 

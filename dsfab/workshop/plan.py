@@ -108,7 +108,7 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
     if not widths:
         raise PatternError("no member of this design is long enough for a plank; build it as one piece")
     thickness, depth = options.thickness or statics.thickness, options.depth or float(np.median(widths))
-    slenderness = 1.5  # least depth of an upright plank over its thickness
+    slenderness = 1.5  # smallest ratio of an upright plank's depth to its thickness
     if depth < slenderness * thickness:
         raise PatternError(
             f"planks {length(depth)} deep of boards {length(thickness)} thick do not stand upright: set "
@@ -202,7 +202,7 @@ JOINT_SENTENCES = {
 }
 """Second half of the sentence on the pieces of a flat sheet, by their joint."""
 TAB_CLEARANCE = 1e-4  # clearance between a tab and its slot in the base plate of a model, on each side (m)
-TABS_LENGTH = 4.0  # largest length that the two tabs of a strip add to its length, over the strip's thickness
+TABS_LENGTH = 4.0  # largest length that two tabs add to a strip, in strip thicknesses
 
 
 @dataclass(frozen=True, eq=False)

@@ -125,10 +125,10 @@ class FlattenedMesh:
         return np.asarray((weights_at(projection.place, self.V, face) @ self.U[face[0]])[0])
 
 
-FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length of a finger, and approximate width of a finger, over the thickness
+FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length and approximate width of a finger, in sheet thicknesses
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Rounds in which small bits go to a neighbouring piece, and the largest area of such a bit, in fingers."""
-LINE_TOLERANCE = 1e-9  # largest distance between a mesh edge and its dividing line, over the sheet's size
+"""Number of rounds in which small bits go to a neighbouring piece. Bits are small up to this area, in fingers."""
+LINE_TOLERANCE = 1e-9  # largest distance between a mesh edge and its dividing line, in sheet sizes
 
 
 @dataclass(frozen=True)
@@ -167,8 +167,7 @@ class SheetParts:
 def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJoint = SheetJoint()) -> SheetParts:
     """Cut a flat sheet into as few rectangles as possible; each rectangle fits into one of `room` (m). Disconnected
     pieces of a rectangle become separate parts; openings become slots. With fingers, all pieces together are the sheet;
-    with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with their joints, are too long
-    for the stock."""
+    with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with joints, are too long."""
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0

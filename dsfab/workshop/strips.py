@@ -17,7 +17,7 @@ from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import SCARF_SLOPE, Cuts, lap_marks, lapped_span, splice_cuts, strip_fits
 
 STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # kinds of members that are built as strips
-HOLE_EDGE_DISTANCE = 1.0  # least distance from the middle of a hole to the edges of its part, over the bolt diameter
+HOLE_EDGE_DISTANCE = 1.0  # least distance from the middle of a hole to the edges of its part, in bolt diameters
 LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters below this height (m) may fill this share of a part's width
 
 
@@ -53,7 +53,7 @@ class StripParts:
 
 
 def is_strip(member: Member) -> bool:
-    """Return whether a member is a strip: its axis never turns within the member's width, except at curled ends."""
+    """Return whether a member is a strip: its radius in the surface exceeds half its width, except at curled ends."""
     if member.axis is None or member.kind not in STRIP_KINDS:
         return False
     begin, end = uncurled_span(member)
@@ -248,7 +248,7 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
     return float(thickness * bend / 2)
 
 
-UNCERTAIN_WIDTHS = 1.5  # length at each end of a member, over its width, in which the fitted curvature is uncertain
+UNCERTAIN_WIDTHS = 1.5  # length at each end of a member in which the fitted curvature is uncertain, in widths
 HOLE_FIT = 5e-4
 """Largest error (m) of a length between holes. A hole may be a millimetre larger than its bolt [EN 1995-1-1, 10.4.3],
 and two parts meet at a bolt."""
@@ -304,9 +304,9 @@ class StripLimits:
 
 
 def drilling_edge(graph: MemberGraph) -> float:
-    """Return the largest edge (m) of a mesh whose flat faces change usual bays by at most `HOLE_FIT`; infinite without
-    bending. Edges e change a bay L with curvature k by about L (e k)^2 / 8 at most. Compared with a
-    smooth surface, bays of a dome differed by 0.3 mm (by the formula 0.3 mm), and of a tower by 17 mm (26 mm)."""
+    """Return the largest edge (m) of a mesh whose flat faces change the length of usual bays by at most `HOLE_FIT`;
+    infinite without bending. Edges e change a bay L with curvature k by at most about L (e k)^2 / 8. Bays of a dome
+    differed by 0.3 mm from a smooth surface (by the formula 0.3 mm), and of a tower by 17 mm (26 mm)."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
     bend = float(np.quantile(np.concatenate(bends), 0.95)) if bends else 0.0  # ignores rare peaks

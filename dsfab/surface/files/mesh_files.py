@@ -26,10 +26,10 @@ OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow 
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Join the faces of a mesh at coincident vertices if only the format of the file separates the faces. This is so if
-    no two faces share a vertex, as in STL files, or if each free edge has an equal free edge. Otherwise coincident
-    vertices stay apart, because they may be an intended joint. No edge gets more than two faces. Return the file and a
-    text about the repair."""
+    """Join the faces of a mesh at coincident vertices if only the format of the file separates the faces; return the
+    file and a text about the repair. Faces are joined if no two of them share a vertex, as in STL files, or if each
+    free edge coincides with another free edge. Otherwise coincident vertices stay apart: they may be an intended joint.
+    No edge gets more than two faces."""
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
     if not len(corners) or corners.min() < 0 or corners.max() >= len(V):

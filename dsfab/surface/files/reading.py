@@ -52,7 +52,7 @@ class Budget:
         self._require(count, self.triangles, "triangles")
 
     def require_vertices(self, count: int, what: str = "vertices") -> None:
-        """Raise SurfaceError if `count` exceeds three per allowed triangle; `what` names the counted things."""
+        """Raise SurfaceError if `count` is above three times the limit on triangles; `what` names the counted items."""
         self._require(count, 3 * self.triangles, what)
 
     def require_bytes(self, count: int, what: str = "bytes") -> None:
@@ -102,8 +102,8 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 class Content:
     """Things of one kind in a file, and what dsfab did with them.
     kind  : "mesh", "curve", "hidden object" ...    about : words after the kind, such as a layer or a reason.
-    fate  : "taken", part of the surface; "marks", a mark of supports, loads or regions; "beside", a thing that cannot
-            be part of the surface, such as a curve; "dropped", a thing that the user may miss.
+    fate  : "taken", now part of the surface; "marks", used as supports, loads or regions; "beside", unable to be part
+            of a surface, such as a curve; "dropped", left out although the user may need it.
     count : number of these things."""
 
     kind: str
@@ -252,7 +252,7 @@ def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, whose mark is the start of this mark
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, because it begins with its mark
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
@@ -355,17 +355,17 @@ CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon's sides from its curve, 
 LARGEST_NUMBER = 1e12  # Larger numbers cannot be lengths or angles, and libraries may loop endlessly on them.
 
 
-FAR = 100.0  # A mesh is far from the origin if its coordinates are this many times as large as its largest side.
-DIGITS = 6  # Digits of numbers by default in C and C++ programs (printf with %g), for example gmsh.
+FAR = 100.0  # A mesh is far from the origin if its coordinates are this many times as large as its largest dimension.
+DIGITS = 6  # Default number of digits in files of C and C++ programs (printf with %g), such as gmsh.
 COARSE_STEP, LARGEST_STEP = 0.02, 0.5
-"""Rounding steps of the coordinates, over the mean edge. dsfab reports steps above `COARSE_STEP`, which move vertices
-by over 1 % of an edge. It refuses steps above `LARGEST_STEP`, which can turn faces over."""
+"""Ratios of the rounding step of the coordinates to the mean edge. dsfab reports steps above `COARSE_STEP`, which move
+vertices by over 1 % of an edge. It refuses steps above `LARGEST_STEP`, which can turn faces over."""
 
 
 def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, str]:
-    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3), over the mean edge, and a
-    sentence about it in `unit`; 0 and "" for a fine step. Only meshes far from the origin, in 32-bit numbers or with
-    `DIGITS` digits, have coarse steps."""
+    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3), divided by the mean edge, and a
+    sentence about it in `unit`; 0 and "" for a fine step. Coarse steps occur only far from the origin, in 32-bit
+    numbers or with `DIGITS` digits."""
     P = V[F].reshape(-1, 3)
     largest = np.abs(P).max(axis=0)
     if not np.isfinite(largest).all() or largest.max() <= FAR * np.ptp(P, axis=0).max():
@@ -402,9 +402,9 @@ class Drawing:
 
 @dataclass(frozen=True)
 class DrawingBudget:
-    """Limits of a drawing of outlines, far beyond the size of drawings of doors and supports.
-    The limits are: bytes, entities (each insertion counts those of its block), points of all curves, seconds, and
-    depth of nested blocks. started : start of reading, seconds of the process's clock."""
+    """Limits of a drawing of outlines, far above the size of usual drawings of doors and supports: bytes of the file,
+    entities (also those of each inserted block), points of all curves, seconds of reading, and depth of nested blocks.
+    started : start of reading, seconds of the process's clock."""
 
     bytes: int = 50_000_000
     entities: int = 50_000

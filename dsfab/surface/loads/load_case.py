@@ -15,7 +15,7 @@ from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
-EDGE_ON = 1e-12  # A face is parallel to a direction if the cosine between normal and direction is smaller.
+EDGE_ON = 1e-12  # A face is parallel to a direction if the cosine of the angle to its normal is below this.
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ SPREAD_PARTS = ("weight", "bare", "covered")  # Load parts that act on faces.
 class LoadParts:
     """Forces at the vertices of a surface, and tractions on its faces. Loads of the uncut surface cover whole faces.
 
-    point   : (n, 3) newtons: forces and lines.
+    point   : (n, 3) newtons, loads of kind force and line.
     weight  : (m, 3) Pa, weight of the sheet itself, in proportion to its material.
     bare    : (m, 3) Pa, loads that act on material alone: snow and wind on an open lattice.
     covered : (m, 3) Pa, loads that also act on openings with a covering: glass, a membrane, boards."""
@@ -185,7 +185,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the parts with `weight` and `bare` multiplied by remaining shares of material, numbers or (m,)."""
+        """Return the parts with `weight` and `bare` multiplied by remaining fractions of material, numbers or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         scaled = {part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
         return replace(self, **scaled)
@@ -357,7 +357,7 @@ class LoadCase:
              pattern may protect with `keep`.
     spring : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; by default none.
     clamped: (e,) edges that may not rotate about themselves; empty (the default) if no edge is clamped.
-    fixed_edges : (e, 3) True if the inside of an edge may not move along x, y, z; empty (the default) if the supported
+    fixed_edges : (e, 3) True if points inside an edge may not move along x, y, z; empty (the default) if the supported
                   vertices decide (`spanned_edges`).
     parts  : the forces in parts (see `LoadParts`); None if all act on the vertices themselves."""
 

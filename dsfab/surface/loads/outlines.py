@@ -73,7 +73,7 @@ def enclosed_area(P: Floats) -> float:
 
 
 def bend_corners(P: Floats) -> Bools:
-    """Return the corners (k,) of a polygon (k, 2) that turn by 15 degrees or more; smaller turns belong to curves."""
+    """Return the corners (k,) of a polygon (k, 2) at which it bends by 15 degrees or more; smaller bends form curves."""
     came, goes = P - np.roll(P, 1, axis=0), np.roll(P, -1, axis=0) - P
     cross = came[:, 0] * goes[:, 1] - came[:, 1] * goes[:, 0]
     angle = np.abs(np.arctan2(cross, np.einsum("ki,ki->k", came, goes)))
@@ -372,10 +372,9 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 
 
 def edges_of(picker: Picker, surface: Surface) -> Bools:
-    """Return the edges (e,) of a picker, for its picked vertices; raises SurfaceError as the picker does. A picker of
-    the boundary has free edges only. A part of space, or a direction of normals, has the edges with both ends inside.
-    In an outline, which may be concave, the middles of edges must also be inside. Named vertices have the edges that
-    they span (`spanned_edges`)."""
+    """Return the edges (e,) that belong to the picked vertices of a picker; raises SurfaceError as the picker does. A
+    picker of the boundary has free edges only. Other pickers have the edges with both ends picked. In a concave
+    outline, the middle must be inside, too. Named vertices have the edges between them (`spanned_edges`)."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):
         return picker.edges(surface)

@@ -109,7 +109,7 @@ class All:
 @dataclass(frozen=True)
 class Box:
     """The vertices in the box with two opposite corners, metres, its walls included.
-    relative : true if the corners are shares of the surface's own box, 0 to 1 along each axis.
+    relative : true if the corners are fractions of the surface's own box, 0 to 1 along each axis.
     boundary : true to pick only vertices of free edges."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -136,8 +136,8 @@ class Box:
 
 @dataclass(frozen=True)
 class Ball:
-    """The vertices within `radius` of `center`, metres. relative : true if the centre is in shares of the surface's
-    box, 0 to 1 along each axis, and the radius is a share of the box's diagonal."""
+    """The vertices within `radius` of `center`, metres. relative : true if the centre is in fractions of the surface's
+    box, 0 to 1 along each axis, and the radius is a fraction of the box's diagonal."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     center: Vector
@@ -181,7 +181,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The vertex nearest to each point, metres. relative : true if points are shares of the surface's box, 0 to 1."""
+    """The vertex nearest to each point, metres. relative : true if points are fractions of the surface's box."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -317,7 +317,7 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """Return the vertices (n,) with a distance `away` (n,) up to `reach`, metres; raises SurfaceError without any."""
+    """Return the vertices (n,) at a distance `away` (n,) up to `reach`, metres; raises SurfaceError if there are none."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 

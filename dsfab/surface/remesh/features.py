@@ -13,12 +13,12 @@ from dsfab.surface.topology import link_components
 
 TOLERANCE = 1 / 50  # Largest distance of new boundaries and creases from the old ones, as a share of the edge length.
 CORNER = 30.0  # Degrees. A vertex is a corner if a curve turns there by at least this angle.
-DULL = 0.6 * CREASE  # Degrees between the mean normals on both sides of a crease; below this, the crease is noise.
-FINE = 1 / 80  # A mesh with longer edges, as a share of its box's diagonal, is a design, not a scan.
+DULL = 0.6 * CREASE  # Degrees. A short crease is noise if the mean normals on its two sides differ by less.
+FINE = 1 / 80  # The mean edge of a scan is shorter than this fraction of its box's diagonal.
 
 
 class SmoothVertices(NamedTuple):
-    """Vertices (k,) of two edges, the edges (k, 2), the turn (k,), radians, and the shorter edge's length (k,)."""
+    """Vertices (k,) of two edges (k, 2), the edges' change of direction (k,), radians, and the shorter length (k,)."""
 
     vertex: Ints
     edges: Ints
@@ -41,9 +41,9 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 
 def design_features(surface: Surface, edge: float) -> Bools:
-    """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise. The bend of a
-    crease is the angle between the mean normals on its two sides. The mean covers `edge`, metres, or in a scan two mean
-    edges, the width of noise. Slight creases longer than twice this width stay, as steps of the design."""
+    """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise. A crease is
+    slight if the mean normals on its two sides differ by less than `DULL`. The means cover a width of `edge`, metres,
+    or of two mean edges in a scan. Slight creases longer than twice this width stay, as steps of the design."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)

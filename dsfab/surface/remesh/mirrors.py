@@ -15,7 +15,7 @@ from dsfab.surface.remesh.features import TOLERANCE, design_features
 from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
 from dsfab.surface.topology import euler_characteristic, half_edges, link_components, misoriented_edges, pieces
 
-LARGEST_GROUP = 240  # Largest accepted number of elements of a symmetry group: twice those of the icosahedron.
+LARGEST_GROUP = 240  # Largest number of elements of a symmetry group: twice the number of the icosahedron.
 MATRIX_TOLERANCE = 1e-6  # Entries of matrices count as equal if they differ by less.
 INERTIA_TOLERANCE = 1e-2  # Moments of inertia are equal if they differ by less than this share of the largest.
 FAR_TOLERANCE = 1e-3  # Distances of points are equal if they differ by less than this share of the surface's size.
@@ -76,7 +76,7 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, over the edge length; files round coordinates.
+IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, divided by the edge length; files round coordinates.
 ROUND_ANGLES = (0.7, 1.9)  # Radians. A surface is round if it also has mirrors at these angles to the first mirror.
 MOST_SIDES = 16  # Largest number of mirrored sectors around an axis; a surface with more sectors gets two mirrors.
 
@@ -101,7 +101,7 @@ class Mirrors:
         look = _MirrorTest(nearest_on.surface, nearest_on, edge, smooth)
         group, normals = np.eye(3)[None], list[Floats]()
         for normal in _candidate_mirrors(look):
-            with suppress(OverflowError):  # planes that fit nearly may contradict each other
+            with suppress(OverflowError):  # approximate planes may not form a group
                 group, normals = _mirror_group([*normals, normal], 2 * MOST_SIDES), [*normals, normal]
         if not normals:
             return None
@@ -219,7 +219,7 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # Largest distance of a vertex on a mirror plane, or of two equal images, over the edge length.
+PLANE_TOLERANCE = 1e-3  # Largest distance of a vertex from a mirror plane, or of equal images, in edge lengths.
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +233,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part on the side of a weighted sum of all vertices, which rotates with the surface."""
+        """Return the part that contains a weighted sum of all vertices, so that it rotates with the surface."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 

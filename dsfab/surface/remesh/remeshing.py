@@ -105,8 +105,8 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
 
 
 def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
-    """Return new places (n, 3) of a net's vertices: on the nearest boundary, crease or corner, or on the facets if
-    not smooth. Mirrored vertices need this, because they lie slightly beside the curves of the surface."""
+    """Return places (n, 3) of a net's vertices on the nearest boundaries, creases and corners. If `smooth` is false,
+    all other vertices move onto the facets. Copied vertices need this, because they lie slightly beside the curves."""
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
@@ -163,7 +163,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the smallest wanted edge length (k,) of all fields at points (k, 3), metres. trees : of their meshes."""
+    """Return the smallest wanted edge length (k,) of all fields at points (k, 3), metres. trees : of the fields."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

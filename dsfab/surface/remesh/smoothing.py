@@ -92,8 +92,8 @@ class NearestOnSurface:
 
 
 def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Move free vertices in their tangent planes to weighted means of the centres of their faces, and curve
-    vertices to even steps along their curves. The weight of a face is its area over its squared wanted edge length."""
+    """Move free vertices in their tangent planes to weighted means of the centres of their faces, and curve vertices to
+    even steps along their curves. The weight of a face is its area divided by its squared wanted edge length."""
     V, F, n = net.V, net.F, net.n
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2
@@ -143,7 +143,7 @@ def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
     Vertices of a face that would turn by over 60 degrees stay."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # rounds that move single vertices back; after them, all vertices go back
+    retreats = 6  # rounds in which single vertices go back; then all vertices go back
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

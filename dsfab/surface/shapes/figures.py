@@ -214,7 +214,7 @@ OPENINGS = (0.22, 0.5, 0.78)  # Heights of the tower's openings, as shares of it
 @shape
 def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13, edge: Length = 0.5) -> Surface:
     """A deck on an arch with a wall between them, genus 0: along x, as wide as a road, abutments down to z = 0.
-    span : length of the deck, metres.    rise : rise of the arch's underside over the span."""
+    span : length of the deck, metres.    rise : rise of the arch's underside, divided by the span."""
     crown = rise + 0.075
 
     def deck(P: Floats) -> Floats:

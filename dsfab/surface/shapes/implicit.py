@@ -25,7 +25,7 @@ from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_bo
 LONGEST, SHORTEST = 4 / 3, 4 / 5  # Edges over 4/3 of the wanted length are halved, edges under 4/5 collapse.
 ROUNDS, POLISH = 5, 10  # Numbers of rounds that change the number of vertices, and of later rounds of flips and moves.
 LEAST_TURN_COSINE = 0.3  # Cosine of the largest turn of a face in one step, about 70 degrees.
-FOLDED = -0.5  # Two faces form a fold if the cosine between their normals is lower, at angles over 120 degrees.
+FOLDED = -0.5  # Two faces form a fold if the cosine of the angle between their normals is lower (120 degrees).
 
 
 class MeshChart(Protocol):
@@ -213,7 +213,7 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
     """Return the field of a tube with round ends along a polyline; its radius is linear between the corners.
-    soft : width of the fillets at its joints, over the smallest radius."""
+    soft : width of the fillets at its joints, divided by the smallest radius."""
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
     return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
 

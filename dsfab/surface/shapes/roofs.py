@@ -88,7 +88,7 @@ def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: flo
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
     i, j = (x.ravel() for x in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
     lattice = edge * np.stack([i + j / 2, j * np.sqrt(3) / 2], axis=1)
-    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # nearer points would form flat triangles
+    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # closer points would form flat triangles
     F = Delaunay(P).simplices.astype(np.int64)
     u, v = P[F[:, 1]] - P[F[:, 0]], P[F[:, 2]] - P[F[:, 0]]
     twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]

@@ -29,7 +29,7 @@ class Holes:
     kind: Literal["holes"] = "holes"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid with the holes; raises SolidError for a hole without material."""
+        """Return the solid with the holes; raises SolidError for a hole that meets no material."""
         positive(self, "diameter", "depth")
         for number, point in enumerate(self.at, 1):
             drilled = solid - drill(np.array(point), np.array(self.axis), self.diameter, self.depth)

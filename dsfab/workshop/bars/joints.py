@@ -23,8 +23,8 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE, LEAST_BAR, Bay, Lattice, 
 from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
-FLAT_SINE = np.sin(np.radians(5.0))  # sine of the least slope that a surface needs at a support for a leg
-LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: least bolt diameters, or share of the narrowest member
+FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope of a surface at which a support gets a leg
+LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: least in bolt diameters; in widths of the narrowest member
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 """Anchor diameters from the fold to the first anchor, from there to the second, and from there to the leg's end."""
 
@@ -90,7 +90,7 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return plates of a thickness (m) with legs below strips at supports, and names of nodes on too flat a surface."""
+    """Return plates of a thickness (m) with legs below strips at supports, and names of nodes too flat for a leg."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(member.mean_width for member in node_members) for node_members in members]
@@ -194,7 +194,7 @@ class LatticeBar:
 @dataclass(frozen=True, eq=False)
 class Joint:
     """Node with its bars and its plate.
-    bars : bars counter-clockwise, as pairs of the bar's number and of 0 for the bar's beginning or 1 for its end.
+    bars : counter-clockwise pairs (bar number, end); end is 0 if the bar starts at this node, and 1 if it ends here.
     half : half width of the plate's arms (m).    root : approximate distance from the node to the folds (m).
     leg  : leg of the plate at a support."""
 
@@ -306,10 +306,10 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
     """Return half the width of a node plate's arms, and the distance of their folds from the node (m). At right angles,
-    bars can begin at half of their width from the node. At sharper angles, and if they lean, bars begin farther away.
+    bars can begin at half of their width from the node. They begin farther away at sharper angles, and if they slope.
     Short bars begin closer to the node and get mitres. Arms at sharp angles are narrower, but wide enough for bolts;
-    this moves their folds outwards."""
-    notch = 0.9  # distance from the node to the corner between two arms, over the distance to the bars
+    therefore their folds are farther out."""
+    notch = 0.9  # distance from the node to the corner between arms, divided by that to the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())
@@ -321,7 +321,7 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
     node_points = P[bay_ends.node]
     roots = node_points
-    for _ in range(rounds):  # each round moves the roots e / (distance - e) times as far as the last round
+    for _ in range(rounds):  # each round moves the roots e / (distance - e) times as far
         level = _level_directions(roots[bay_ends.opposite] - node_points, N[bay_ends.node])
         roots = node_points + root[bay_ends.node][:, None] * level
     return roots

@@ -15,9 +15,9 @@ ROUNDING = 1e-9  # tolerance for rounding errors (m)
 
 @dataclass(frozen=True, eq=False)
 class PartShape:
-    """Turned part: lower and upper edges (k,) in k columns (m), moved outwards by half of the gap.
+    """A rotated part: its lower and upper edges (k,) in k columns (m), moved outwards by half of the gap.
     low : (2,) lowest corner of its box.    size : (2,) size of its box.    top : highest value of the upper edge.
-    total : sum of the lower edge's values.    thick : largest height between both edges."""
+    total : sum of the lower edge over the columns.    thick : largest height between both edges."""
 
     part: FlatPart
     turn: float
@@ -32,7 +32,7 @@ class PartShape:
 
 @dataclass(frozen=True)
 class ColumnGrid:
-    """Gap, column width and largest height of a part (m), and whether parts of members lie along the sheets only."""
+    """Gap, column width and largest height of a part (m), and whether parts of members must lie lengthwise."""
 
     gap: float
     step: float
@@ -75,7 +75,7 @@ def _column_count(size: Floats, grid: ColumnGrid) -> int:
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
     """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, moved outwards by half of the gap.
-    Method: each side is moved by the corners of a regular polygon around a circle of this radius."""
+    Method: Minkowski sum of the polygon's sides with a regular polygon around a circle of this radius."""
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count
@@ -175,7 +175,7 @@ class _PartPlace(NamedTuple):
 
 
 def place_part(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid) -> bool:
-    """Put a part on a sheet in one of its turns, and return whether the part fits."""
+    """Put a part on a sheet in one of its rotations, and return whether the part fits."""
     a, b, area = float(turns[0].size[0]), float(turns[0].size[1]), turns[0].part.area
     if sheet.free_area < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
         return False
