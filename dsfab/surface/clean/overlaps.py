@@ -209,8 +209,6 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
 
 COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of the sheet's area.
 PARALLEL_GAP = 0.08  # Largest distance of parallel sheets or slab faces, divided by the square root of their area.
-    0.08  # Largest distance between parallel sheets, or a slab's faces, divided by the square root of the area.
-)
 LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of a slab's two faces, or of two parallel sheets; at most 1.
 IGNORED_SHARE = 0.1  # Fraction of the area ignored at each end of the sorted distances, because of a slab's sides.
 

@@ -73,7 +73,7 @@ def enclosed_area(P: Floats) -> float:
 
 
 def bend_corners(P: Floats) -> Bools:
-    """Return the corners (k,) of a polygon (k, 2) at which it bends by 15 degrees or more; smaller bends form curves."""
+    """Return the corners (k,) of a polygon (k, 2) at which it bends by 15 degrees or more; curves bend less."""
     came, goes = P - np.roll(P, 1, axis=0), np.roll(P, -1, axis=0) - P
     cross = came[:, 0] * goes[:, 1] - came[:, 1] * goes[:, 0]
     angle = np.abs(np.arctan2(cross, np.einsum("ki,ki->k", came, goes)))

@@ -317,7 +317,7 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """Return the vertices (n,) at a distance `away` (n,) up to `reach`, metres; raises SurfaceError if there are none."""
+    """Return the vertices (n,) at distances `away` (n,) up to `reach`, metres; raises SurfaceError without any."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 
