@@ -125,7 +125,7 @@ def with_longest_edges(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
 
 
 def quads(F: Ints, pairs: Ints) -> Ints:
-    """Return a, b, c, d (q, 4): the ends of edges a-b with half-edges `pairs` (q, 2), and the opposite corners."""
+    """Return a, b, c, d (q, 4) for edges a-b, with c and d opposite; `pairs` (q, 2) are the half-edges of the edges."""
     h0, h1 = pairs.T
     corners: Ints = np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)
     return np.asarray(F.ravel()[corners])
@@ -141,7 +141,7 @@ def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
 
 
 def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
-    """Return which quads (q, 4), on n vertices, have a diagonal c-d that is not an edge yet, (q,)."""
+    """Return which quads (q, 4), on n vertices, have a diagonal c-d that is not an edge yet."""
     keys, diagonal_keys = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
     positions = np.minimum(np.searchsorted(keys, diagonal_keys), len(keys) - 1)
     return np.asarray((keys[positions] != diagonal_keys) & (quad[:, 2] != quad[:, 3]))

@@ -241,8 +241,8 @@ class CornerField:
              is material if more levels lie below x[:, 0] than below x[:, 1].
     sign, shift : (m, 3) of each corner of a face; sign is 1 or -1. The value there is sign * x + shift.
     blank  : (m,) faces without a field; the cut leaves them whole.
-    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere. The mean of
-             these fractions in an opening of earlier fields decides whether the opening stays."""
+    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere. The
+             mean fraction in an opening of earlier fields decides whether the opening stays."""
 
     x: Floats
     sign: Floats
@@ -312,7 +312,7 @@ class DividedSurface:
         return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
 
     def origins_on_parts(self, origins: Origins) -> Origins:
-        """Convert origins on the undivided surface to origins on the divided surface."""
+        """Convert origins of distances from the undivided surface to the divided surface."""
         if self.surface is self.whole:
             return origins
         n, whole_edges, part_edges = self.whole.n, self.whole.edges, self.surface.edges
@@ -322,7 +322,7 @@ class DividedSurface:
         edges[uncut] = origins.edges[np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))]
         parts = self.cut_parts()
         corners = self.corners(parts)
-        # is_on_side[part, k, j]: side k of the part lies on the side of its face opposite corner j
+        # is_on_side[part, k, j]: side k of the part lies on its face's side j, opposite corner j
         is_on_side = (corners == 0) & (corners[:, [1, 2, 0]] == 0)
         marked = origins.edges[whole_edges.of[self.parent[parts]][:, [1, 2, 0]]]
         part, side, _ = np.nonzero(is_on_side & marked[:, None, :])
@@ -359,7 +359,7 @@ class DividedField:
         return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the values (m, p) of a field of one column at points of each face, barycentric coordinates (p, 3)."""
+        """Return the values (m, p) of a field with one column, at the barycentric coordinates (p, 3) in each face."""
         surface, parts = self.divided.whole, self.divided.cut_parts()
         values, inside = self.x[surface.F] @ points.T, np.full((surface.m, len(points)), -np.inf)
         part_coordinates = points @ np.linalg.inv(self.divided.corners(parts))  # (k, p, 3) coordinates in each part

@@ -24,7 +24,7 @@ def check_edges(surface: Surface) -> None:
 
 
 def check_oriented(surface: Surface) -> None:
-    """Raise SolidError as `check_edges` does, and if adjacent faces of an orientable piece point to opposite sides."""
+    """Raise SolidError as `check_edges` does, or if adjacent faces of an orientable piece point to opposite sides."""
     check_edges(surface)
     edges = surface.edges
     against = misoriented_edges(surface.F, edges)
@@ -66,7 +66,7 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # corners of normals that can improve
+    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # corners at vertices whose normals can improve
     by_vertex = tight[sorted_order(vertex[tight])]
     vertex, normal = vertex[by_vertex], normal[by_vertex]
     for _ in range(200 if len(tight) else 0):
@@ -186,7 +186,7 @@ def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> 
     creases (mitre, at most twice), and shorter where the prisms over the faces would fold over.
 
     thickness : of the whole sheet, one number or (n,) at each vertex.
-    side      : "mid" for a sheet around the surface, "out" for one on the side of the normals, "in" for the other side.
+    side      : "mid": the surface is in the middle; "out": the sheet is on the side of the normals; "in": on the back.
     Raises SolidError for a thickness that is not positive, for surfaces that are not manifolds or are wrongly oriented,
     and for `side` on a one-sided surface."""
     t = _checked_thickness(surface, thickness)

@@ -154,7 +154,7 @@ def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
     """Return the built members of a plan, in the order of the design's shapes (m).
     shapes : as in `dsfab.design.output`: vertices of the upper skin, then of the lower skin.
-    shift  : height of the middle between both skins over the surface, in half thicknesses.
+    shift  : height of the skins' middle above the surface, in half thicknesses.
     Strips, planks and cover plates are bent back from flat parts. Plates have the stock's thickness, bars no mitres."""
     if plan.bars:
         return _bar_shapes(plan.bars, shapes, shift)

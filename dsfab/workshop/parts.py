@@ -153,7 +153,7 @@ class FlatPart:
         }
 
     def moved_by(self, turn: float, shift: Floats) -> "FlatPart":
-        """Return the part turned by an angle (radians), then shifted by (2,) metres."""
+        """Return the part rotated by an angle (radians), then shifted by (2,) metres."""
         R = rotation_matrix(turn)
         part = replace(
             self,
@@ -185,7 +185,7 @@ def _without_straight_corners(P: Floats) -> Floats:
 
 
 def rotation_matrix(angle: float) -> Floats:
-    """Return the matrix (2, 2) that turns rows of points (k, 2) by an angle (radians)."""
+    """Return the matrix (2, 2) that rotates rows of points (k, 2) by an angle (radians)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [-s, c]])
 
@@ -228,9 +228,9 @@ def _same_points(points_a: Floats, points_b: Floats) -> bool:
 
 
 def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[FlatPart]:
-    """Return parts along x; each takes the shape of the first earlier part that is near enough, and keeps its names.
-    distance : largest distance between two outlines (m).    fit : largest distance between matching holes (m).
-    Parts may be turned by half a turn, but not mirrored, because their engraved face lies outside."""
+    """Return parts along x; each takes the shape of the first earlier part that is nearly equal, and keeps its names.
+    Parts may be rotated by 180 degrees, but not mirrored, because their engraved face lies outside.
+    distance : largest distance between two outlines (m).    fit : largest distance between matching holes (m)."""
     first_parts = dict[tuple[int, float], list[FlatPart]]()
     result = list[FlatPart]()
     for part in parts:
@@ -245,7 +245,7 @@ def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[
 
 
 def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fit: float) -> FlatPart | None:
-    """Return a part with the shape of `model`, after half a turn if `turn` is -1; None if they are not near enough."""
+    """Return a part with the shape of `model`, after half a turn if `turn` is -1; None if they are not nearly equal."""
     if (np.abs(model.size - part.size) > 2 * distance).any() or bool(len(model.axis)) != bool(len(part.axis)):
         return None
     holes, model_holes = part.features[1], turn * model.features[1]

@@ -124,7 +124,7 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
 
 def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
     """Return the largest part size (m) for each stock sheet. Raises PatternError if gaps leave no room."""
-    slack = 5e-4  # metres: parts may be turned slightly on their drawings
+    slack = 5e-4  # metres: parts may be slightly rotated on their drawings
     room = [(a - 2 * options.gap - slack, b - 2 * options.gap - slack) for a, b in options.stock]
     if min(min(size) for size in room) <= 0:
         raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")

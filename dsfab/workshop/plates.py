@@ -33,7 +33,7 @@ from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, is_strip
 
 
 def is_plate(member: Member) -> bool:
-    """Return whether a member is built as a plate; strips are not plates, and fills are not built."""
+    """Return whether a member is built as a plate: it is not a strip, and not a fill, which is not built."""
     return member.kind != "fill" and not is_strip(member)
 
 

@@ -18,7 +18,7 @@ from dsfab.workshop.splices import SCARF_SLOPE, Cuts, lap_marks, lapped_span, sp
 
 STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # kinds of members that are built as strips
 HOLE_EDGE_DISTANCE = 1.0  # least distance from the middle of a hole to the edges of its part, in bolt diameters
-LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters below this height (m) may fill this share of a part's width
+LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters below this height (m) may fill this fraction of a part's width
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class _StripLayer:
         course, height = self.course, self.layering.cover_height(self.member.family, self.number)
         kg, kn = (float(np.interp(joint, course.s, values)) for values in (course.kg, course.kn))
         for x, y in self.layering.splice_bolts(float(course.width(np.array([joint]))[0])):
-            if self.layering.alike:  # straight rows on the flat cover, at its height over the surface
+            if self.layering.alike:  # rows of bolts are straight on the flat cover plate
                 x, y = x / (1 - height * kn), y - kg * x**2 / 2
             P, T, N = (row[0] for row in course.frame_at(np.array([joint + x])))
             yield StripBolt(f"{self.name}.c{number}", P + y * np.cross(N, T), N, joint + x)
@@ -325,7 +325,7 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
         bends.append(float(np.abs(member.curve.kn[calm]).max(initial=0.0)))
         nearest = np.asarray(tree.query(member.curve.P[calm])[1])
         shapes.append(float(np.median(np.abs(K[nearest]))) * member.mean_width**2 / 12 if len(nearest) else 0.0)
-    worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # takes the first of several equal bends
+    worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # the first of several equal bends
     name = strips[worst - 1].id if worst else "none"
     return StripLimits(thickness, thickness * max(bends) / 2, name, max(shapes), limit, edge, drilling_edge(graph))
 

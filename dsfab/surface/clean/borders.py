@@ -85,7 +85,7 @@ def _alternates(turn: Floats) -> bool:
 
 
 def _smoothed_line(P: Floats, closed: bool) -> Floats:
-    """Smooth a line (k, 3) by shrinking and swelling in turn. Its ends and the radius of arcs stay [Taubin 1995]."""
+    """Smooth a line (k, 3) by alternate shrinking and swelling. Its ends and the radius of arcs stay [Taubin 1995]."""
     for k in range(20):
         step = (-0.53 if k % 2 else 0.5) * ((np.roll(P, 1, axis=0) + np.roll(P, -1, axis=0)) / 2 - P)
         if not closed:

@@ -27,7 +27,7 @@ from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_compo
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
     """Return which pairs (p,) of coincident vertices, (p, 2), lie where two sheets of faces F (m, 3) cross. Both
-    vertices of such a pair are inside their sheets. At an end of the crossing, both may be on borders."""
+    vertices of such a pair are inside their sheets. At an end of the crossing line, both may be on borders."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -57,7 +57,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Return the pairs (p,) at the ends of crossings: one edge (e, 2) away from a crossing pair on both sheets."""
+    """Return the pairs (p,) at the ends of crossings: on both sheets, an edge (e, 2) joins them to a crossing pair."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -160,7 +160,7 @@ def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
 
 
 def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
-    """Select faces (m,) of which none covers another: faces without overlap, then neighbours among overlapping faces.
+    """Select faces (m,) that do not cover each other: faces without overlap, then neighbours among overlapping faces.
     Faces with shorter edges come first, so that the order of the faces does not matter."""
     overlaps, chosen = dict[int, set[int]](), list[int]()
     for face, cover in np.stack(np.divmod(distinct(covers[:, 0] * len(F) + covers[:, 2]), len(F)), axis=1).tolist():
@@ -210,7 +210,7 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
 COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of the sheet's area.
 PARALLEL_GAP = 0.08  # Largest distance of parallel sheets or slab faces, divided by the square root of their area.
 LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of a slab's two faces, or of two parallel sheets; at most 1.
-IGNORED_SHARE = 0.1  # Fraction of the area ignored at each end of the sorted distances, because of a slab's sides.
+IGNORED_SHARE = 0.1  # The smallest and the largest distances, each on this fraction of the area, are ignored.
 
 _REMARKS = {
     "copy": "the surface has a second sheet {} from the first, probably a copy; delete one of them, or set "
@@ -351,7 +351,7 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
     """Return the median distance between two parts, faces (k, 3) and (l, 3); None if they are not parallel.
-    even : true if the distance must be nearly constant for this."""
+    even : true to accept only a nearly constant distance."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])

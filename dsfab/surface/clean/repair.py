@@ -32,7 +32,7 @@ from dsfab.surface.topology import (
     pinches,
 )
 
-CRUMB = 0.01  # The repair drops loose pieces below this share of the mesh's area.
+CRUMB = 0.01  # The repair removes loose pieces smaller than this fraction of the mesh's area.
 PINHOLE = 1e-3  # The repair closes a hole whose outline is shorter than this fraction of the mesh's largest dimension.
 _NO_AREA = "without area"
 _DOUBT = " (a large part of the mesh: check that all parts are in one unit)"
@@ -132,8 +132,8 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Return one face of each set of overlapping faces, and all other faces, (k,). Both copies of a face go if two
-    other faces meet at one of its edges. The sewn corners of a cushion have such copies."""
+    """Return one face of each set of overlapping faces, and all other faces, (k,). Both copies of a face are removed if
+    two other faces meet at one of its edges. The sewn corners of a cushion have such copies."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -183,7 +183,7 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
 
 
 HOLE = 0.15  # The repair fills a hole whose outline is shorter than this fraction of the mesh's largest dimension.
-SPECK = 0.05  # The repair of a scan drops pieces below this share of the largest piece's area.
+SPECK = 0.05  # The repair of a scan removes pieces smaller than this fraction of the largest piece's area.
 FINE, SEVERAL = 0.01, 3
 """A mesh is a scan if its mean edge is below `FINE` times its largest dimension, and it has faults. The faults are
 `SEVERAL` small holes, or `SEVERAL` edges with more than two faces."""
@@ -202,7 +202,7 @@ def is_scan(V: Floats, F: Ints) -> bool:
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
     if (edges.count > 2).sum() >= SEVERAL:
-        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # copies of sheets are no sign of a scan
+        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # copies of sheets do not show that the mesh is a scan
         edges = edge_table(F)
     mean = float(lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]]).mean())
     if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded_faces(V, F).mean() > FOLDED:
@@ -335,7 +335,7 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
     """Collapse the shortest edges of crumpled faces (m,). Return the vertices (n, 3), and for each its new index (n,).
-    An edge collapses to its midpoint, or to its end on the boundary. It stays if boundaries or topology would change.
+    An edge collapses to its midpoint, or to its end on the boundary, unless this joins boundaries or changes topology.
     """
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]

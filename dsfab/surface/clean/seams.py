@@ -62,8 +62,8 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the target (n,) of each vertex: the first vertex of its group within `reach`, else the vertex itself. A
-    group may be a long chain of close vertices. Without this limit, a fine outline would shrink to a point."""
+    """Return the new vertex (n,) of each vertex: the first vertex of its group if within `reach`, else the vertex
+    itself. A group may be a long chain of vertices. Without this limit, a fine outline would shrink to a point."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -94,7 +94,7 @@ The rise of a 30 degree arc is this fraction of its chord. Seams narrower than `
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
     """Stitch open seams of faces F (m, 3): divide the faces along a seam into fans.
-    Return the faces and the number of joined vertices. The faces stay unchanged if an edge would get more than two.
+    Return the faces and the number of joined vertices. The faces stay unchanged if an edge would get a third face.
     within : largest distance between an edge and a vertex on the edge, in the unit of V."""
     faces, joined = F, 0
     for _ in range(4):  # a face has up to three edges at a seam, and each round stitches one of them

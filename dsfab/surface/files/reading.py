@@ -78,7 +78,7 @@ log = logging.getLogger(__name__)
 
 @contextmanager
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
-    """Context that converts any exception while a file is read into a SurfaceError with a message for the user.
+    """Context manager that converts any exception while a file is read into a SurfaceError with a message for the user.
     smaller : remedy in the message if memory is too small.    damaged : cause in the message of unknown errors."""
     kind = path.suffix[1:].upper()
     try:
@@ -246,13 +246,13 @@ def placed_points(points: Floats, place: Floats) -> Floats:
 
 
 def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
-    """Return a mesh after a transformation (4, 4); a mirrored mesh has its faces turned, as glTF and 3MF demand."""
+    """Return a mesh after a transformation (4, 4); mirrored faces are reversed, as glTF and 3MF demand."""
     return placed_points(V, place), F[:, ::-1] if is_mirrored(place) else F
 
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, because it begins with its mark
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # tested first: its mark begins with that of UTF-16
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
@@ -286,7 +286,7 @@ class TextFile:
             position = end + 1
 
     def cut_off(self, part: str) -> tuple[str, ...]:
-        """Return a doubt that the file is cut off within `part` if its last line has no end; else nothing."""
+        """Return a remark that the file may be cut off within `part` if its last line has no end; else nothing."""
         return () if self.ended else (f"the last line has no end: the file may be cut off within {part}",)
 
 

@@ -13,7 +13,7 @@ from dsfab.surface.loads.pickers import Extent, pierced_faces
 from dsfab.surface.mesh import Surface
 
 LINE_TOLERANCE = 0.002  # Largest distance of edges from the curved line that they follow, as a share of `Extent.width`.
-SNAP_SHARE = 0.25  # The end of an edge moves along the edge onto the line, by at most this share of its length.
+SNAP_SHARE = 0.25  # The end of an edge moves along the edge onto the line, by at most this fraction of the edge.
 TEST_POINTS = 7  # Number of points between the ends of an edge at which dsfab compares the edge with the line.
 
 

@@ -374,7 +374,7 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 def edges_of(picker: Picker, surface: Surface) -> Bools:
     """Return the edges (e,) that belong to the picked vertices of a picker; raises SurfaceError as the picker does. A
     picker of the boundary has free edges only. Other pickers have the edges with both ends picked. In a concave
-    outline, the middle must be inside, too. Named vertices have the edges between them (`spanned_edges`)."""
+    outline, an edge's middle is inside, too. Named vertices have the edges between them (`spanned_edges`)."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):
         return picker.edges(surface)

@@ -131,7 +131,7 @@ LONGEST = 4 / 3  # Edges longer than this multiple of their wanted length are ha
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
     """Halve the long edges of the net once, and edges along curves that are too far from the curve.
-    edge : length in metres; the tolerance is a share of this length."""
+    edge : length in metres; the largest distance is a fraction of this length."""
     length = edge_lengths(net.V, net.edges.ends)
     deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
@@ -142,9 +142,9 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return the long edges (e,) of which no face has a much longer edge: they have at least 70 % of its longest
-    length. In needle-shaped faces (2 area / longest edge^2 below 0.35) only the longest edge counts, because halving
-    both long edges would leave further needles."""
+    """Return the long edges (e,) that have at least 70 % of the length of the longest edge in both of their faces. In
+    needle-shaped faces (2 area / longest edge^2 below 0.35) only the longest edge counts, because halving both long
+    edges would leave further needles."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -197,7 +197,7 @@ class _Collapses:
 
 
 def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int = 12) -> Net:
-    """Collapse the short edges of the net in batches. The tolerance for curves is a share of `edge`, metres."""
+    """Collapse the short edges of the net in batches. The tolerance for curves is a fraction of `edge`, metres."""
     for batch in range(batches):
         collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
@@ -211,7 +211,7 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
     """Return collapses of short edges that preserve topology and curves, and their costs (c,). A free vertex may merge
-    with any vertex; two free vertices merge at their middle. Vertices stay on their curve; fixed vertices stay."""
+    with any vertex; two free vertices merge at their middle. Curve vertices stay on the curve, fixed ones in place."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -228,8 +228,8 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
-    """Return which vertices (c,) on a curve may merge with a neighbour on the curve.
-    The resulting longer edge must stay near the curve, must not be too long and must not exist yet."""
+    """Return which vertices (c,) on a curve may merge with a neighbour on the curve. The longer edge that results must
+    stay near the curve, must not be too long, and must not exist yet."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -292,11 +292,11 @@ def _merge_vertices(net: Net, collapses: _Collapses) -> Net:
     return replace(net, V=V, faces=faces, size=size, node=node, at=net.at[stays], curve=curve)
 
 
-LEAST_ANGLE = np.radians(25)  # A flip must not reduce the least angle below this value.
+LEAST_ANGLE = np.radians(25)  # Radians. A flip must not reduce the smallest angle below this.
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
-    """Flip edges off the curves, in up to `rounds` rounds: to even out valences, or to meet the Delaunay condition."""
+    """Flip edges off the curves, in up to `rounds` rounds: for equal valences, or for the Delaunay condition."""
     angles = np.empty(0) if by_valence else _face_angles(net.V, net.F)
     for _ in range(rounds):
         edges = net.edges
@@ -368,7 +368,7 @@ def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Float
 def with_ears_flipped(surface: Surface) -> Surface:
     """Return the surface with the inner edge of each ear flipped, so that the new edge starts at the ear's tip. An ear
     is a flat triangle with two border edges and an angle over 150 degrees at its tip. Its corners are on a curved
-    border. Meshes of a disc have such ears. The ear's inner edge looks like a crease, although the shape has none."""
+    border. The ear's inner edge looks like a crease, although the shape has none. Meshes of a disc have such ears."""
     edges, n = surface.edges, surface.n
     pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2

@@ -41,11 +41,11 @@ def remeshed_surface(
 ) -> Surface:
     """Return the surface with nearly equilateral triangles whose edges are about `edge` metres long.
 
-    finest : metres. Edges are shorter on curved parts, but at least this long, so that the surface turns by 15 degrees
-             along an edge; 0 disables this.
+    finest : metres. Edges are shorter on curved parts, so that the normal rotates by 15 degrees along an edge, but they
+             are at least this long; 0 disables this.
     smooth : true if new vertices are on the smooth surface through the old vertices [Vlachos et al. 2001], false if
              they are on its facets.
-    sizes  : wanted edge lengths at the vertices of this surface or of other meshes of it, metres; the shortest counts.
+    sizes  : wanted edge lengths, metres, at the vertices of meshes of this surface; the shortest length counts.
 
     Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`; their corners do not move.
     The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change. Creases that
@@ -151,7 +151,7 @@ def _even_net(
 
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve long edges until none remains; flips and collapses after each round remove needle-shaped faces."""
+    """Halve long edges until none remains. Flips and collapses after each round remove needle-shaped faces."""
     net = with_short_edges_collapsed(net, curves, edge)
     for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)

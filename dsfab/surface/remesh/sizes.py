@@ -64,7 +64,7 @@ def _at_vertices(surface: Surface, field: Floats) -> Floats:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return the sum (n, k) of edge values (e, k) around each vertex and its neighbours, divided by their area."""
+    """Return the sum (n, k) of edge values (e, k) around each vertex and its neighbours, divided by the area there."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -103,8 +103,8 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
         k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
     for vertex, width, slope in _narrow_places(net):
-        wide = width > TOLERANCE * edge  # narrower places are faults of the mesh
-        row = 1.25 * np.maximum(width, edge * slope)[wide]  # a single row of triangles fills the width
+        wide = width > TOLERANCE * edge  # places of smaller width are faults of the mesh
+        row = 1.25 * np.maximum(width, edge * slope)[wide]  # one row of triangles across the narrow place
         np.minimum.at(size, vertex[wide], np.maximum(row, least))
     return replace(net, size=graded_sizes(net.V, net.edges.ends, size))
 
@@ -151,8 +151,8 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
     """Return the slopes (k,) at which pairs of curves diverge from their common corner; 0 without a common corner. The
-    slope is the width (k,) between two vertices, metres, divided by their distance from the corner along the curves. It
-    limits the edge length near the corner, where edges would otherwise become shorter without end."""
+    slope is the width (k,) between two vertices, metres, divided by their distance from the corner along the curves.
+    Near the corner, the slope keeps edges from becoming shorter without end."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):
@@ -177,8 +177,8 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
-    """Return the length (p,), at most `edge`, of the longest chord around each point of the curves, metres.
-    A longer chord would deviate from the curve by more than 80 % of the tolerance."""
+    """Return the length (p,), at most `edge`, of the longest chord around each point of the curves, metres. Its
+    distance from the curve is at most 80 % of the tolerance."""
     longest = np.full(len(curves.at), edge * CHORD_SHARES[-1])
     open_ = np.arange(len(curves.at))
     is_last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)

@@ -25,7 +25,7 @@ def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Sur
 @shape
 def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, edge: Length = 0.22) -> Surface:
     """A vault of circular section: length along x, span along y, supports at z = 0, height `rise` at the crown.
-    Area length x radius x opening angle, for radius = (span^2 / 4 + rise^2) / (2 rise)."""
+    Its area is length x radius x opening angle, for radius = (span^2 / 4 + rise^2) / (2 rise)."""
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     half = np.arctan2(span / 2, radius - rise)
     check_density(2 * half * radius * length, edge)
@@ -149,7 +149,7 @@ class _Wedge:
 
     def __init__(self, half: float, half_foot: float, ground: float, top: float, edge: float) -> None:
         self.half, self.half_foot, self.ground, self.edge = half, half_foot, ground, edge
-        # circle through the foot's end, its mirror image, and the top; centre on the ray at angle `half`
+        # the circle goes through the foot's end, its mirror image, and the top; the centre is at angle `half`
         across, along = ground * np.sin(half - half_foot), ground * np.cos(half - half_foot)
         dip = along - top
         if abs(dip) < 1e-3 * ground:  # bend a nearly straight arch a little

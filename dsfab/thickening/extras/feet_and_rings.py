@@ -19,11 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Feet:
-    """`kind = "feet"`: a block under each part of the sheet that contains picked vertices, united with the sheet.
+    """`kind = "feet"`: a vertical block (z) under each part of the sheet with picked vertices, united with the sheet.
     at     : vertices that get feet.    height : depth of a block below the lowest picked vertex of its part, metres.
     margin : border of a block around the picked vertices, metres.
-    sink   : height of a block above the lowest vertex, metres, so that block and sheet overlap. Blocks stand along z.
-    """
+    sink   : height of a block above the lowest vertex, metres, so that block and sheet overlap."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: Picker

@@ -17,7 +17,7 @@ from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole,
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
 """Bolt diameters from fold to first bolt, between bolts, and to the plate's end; the first row that fits is used."""
-LEG_NAME = "ground"  # name of a plate's leg, because a leg has no bar that gives it a name
+LEG_NAME = "ground"  # name of a plate's leg; the other arms have the names of their bars
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
-    """Yield half planes a . x <= b that keep a bar clear of its neighbours; x is along the bar and to its left (m)."""
+    """Yield half planes a . x <= b that keep a bar clear of its neighbours; x : metres along and left of the bar."""
     for side, gap in ((1, end.after), (-1, end.before)):
         if 0 < gap < np.pi:
             c, s = np.cos(gap / 2), np.sin(gap / 2)

@@ -24,7 +24,7 @@ from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
 FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope of a surface at which a support gets a leg
-LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: least in bolt diameters; in widths of the narrowest member
+LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: smallest one in bolt diameters, usual one in member widths
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 """Anchor diameters from the fold to the first anchor, from there to the second, and from there to the leg's end."""
 
@@ -56,7 +56,7 @@ class Leg:
 @dataclass(frozen=True, eq=False)
 class Footing:
     """Ground contact of a structure: its supports (q, 3) in metres, unit vector `up` (3,), and diameter of anchors (m).
-    reach : largest distance (m) from a node to its support, to which 0.75 of the widest member's width is added."""
+    reach : largest distance (m) from a node to its support; 0.75 of the widest member's width is added to it."""
 
     supports: Floats
     up: Floats
@@ -140,7 +140,7 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
 
 
 SQUARE_ANGLE = np.radians(70.0)
-"""Smallest angle between bars with square ends, which begin far from the node; bars at sharper angles have mitres."""
+"""Smallest angle between bars with square ends. Bars at sharper angles have mitres, to begin closer to the node."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +250,7 @@ class _BayEnds:
     opposite: Ints
 
     def dip(self, directions: Floats, N: Floats) -> Floats:
-        """Return the dip (2 b,) of directions (2 b, 3), their angle below the planes of nodes with normals N (n, 3)."""
+        """Return the angle (2 b,) of directions (2 b, 3) below the planes of nodes with normals N (n, 3), radians."""
         sines = np.einsum("qi,qi->q", directions, N[self.node]) / np.linalg.norm(directions, axis=1)
         return np.asarray(-np.arcsin(sines))
 
@@ -266,7 +266,7 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
     chord = P[bay_ends.node[bay_ends.opposite]] - P[bay_ends.node]
     level = _level_directions(chord, N[bay_ends.node])
-    # bars begin beside their nodes, so they dip about 1.5 times as much as the lines between nodes
+    # bars begin at a distance from their nodes, so they dip about 1.5 times as much as lines between the nodes
     lean = 1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N)))
     orders = [_counter_clockwise(np.flatnonzero(bay_ends.node == k), level, N[k]) for k in range(len(P))]
     lengths = np.linalg.norm(chord, axis=1)
@@ -309,7 +309,7 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
     bars can begin at half of their width from the node. They begin farther away at sharper angles, and if they slope.
     Short bars begin closer to the node and get mitres. Arms at sharp angles are narrower, but wide enough for bolts;
     therefore their folds are farther out."""
-    notch = 0.9  # distance from the node to the corner between arms, divided by that to the bars
+    notch = 0.9  # ratio of the distances from the node to the corner between arms, and to the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())

@@ -14,7 +14,7 @@ from dsfab.surface import link_components
 from dsfab.workshop.development import PARALLEL_SHARE
 from dsfab.workshop.strips import STRIP_KINDS
 
-BAR_CLEARANCE = 0.25  # clearance in bolt diameters between neighbouring bars, and from the fold of a plate to a bar
+BAR_CLEARANCE = 0.25  # clearance between neighbouring bars, and from a plate's fold to a bar, in bolt diameters
 LEAST_BAR = 4.0  # shortest bar on a plate, in bolt diameters: two on each side of its only bolt
 
 

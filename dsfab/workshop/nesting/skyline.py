@@ -95,7 +95,7 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the minimum or maximum (k,) of segments in each of k columns between corners (k + 1,).
+    """Return the minimum or maximum (k,) of segments in each of k columns between the columns' ends `corner` (k + 1,).
     p, q : (s, 2) ends of the segments, p left of q."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
@@ -113,7 +113,7 @@ def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Float
 
 @dataclass(frozen=True, eq=False)
 class NestedPart:
-    """Part turned by a multiple of 90 degrees (radians) and moved to its place on a sheet (m)."""
+    """Part rotated by a multiple of 90 degrees (radians) and moved to its place on a sheet (m)."""
 
     part: FlatPart
     turn: float
@@ -127,7 +127,7 @@ class NestedPart:
 
 @dataclass(eq=False)
 class SheetGap:
-    """Free room below a part: first column, floor (k,) and ceiling (k,) of k columns (m); high : largest height."""
+    """Free space below a part: first column, floor (k,) and ceiling (k,) of k columns (m); high : largest height."""
 
     begin: int
     floor: Floats
@@ -163,7 +163,7 @@ class OpenSheet:
 
 def empty_sheet(size: tuple[float, float], grid: ColumnGrid) -> OpenSheet:
     """Return an empty sheet of a length and a width (m)."""
-    columns = int(np.ceil((size[0] - grid.gap) / grid.step))  # the last column may pass the sheet's edge
+    columns = int(np.ceil((size[0] - grid.gap) / grid.step))  # the last column may extend beyond the sheet's edge
     return OpenSheet(size, np.full(columns, grid.gap / 2), size[0] * size[1], grid.gap / 2)
 
 
