@@ -114,8 +114,8 @@ class Windows:
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
-        """Return the distance (..., k) of points C (..., k, 2) to the left of the ray through A + t (B - A), multiplied
-        by the length of `rays`. Distances within rounding errors are 0."""
+        """Return the distance (..., k) of points C (..., k, 2) to the left of the ray through A + t (B - A), times the
+        length of `rays`. Distances within rounding errors are 0."""
         P = self.place(t)
         ray = self.rays(P)
         offsets = cross2(ray, C - P)

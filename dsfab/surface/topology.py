@@ -306,7 +306,7 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
     """Return a mask (e, ...) of the edges with both ends marked (n, ...). An inner edge between two boundary
-    vertices counts only if a face beside it has three marked corners and at most one boundary edge."""
+    vertices counts only if one of its faces has three marked corners and at most one boundary edge."""
     is_spanned = marks[edges.ends].all(axis=1)
     chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)

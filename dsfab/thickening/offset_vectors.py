@@ -187,8 +187,8 @@ def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> 
 
     thickness : of the whole sheet, one number or (n,) at each vertex.
     side      : "mid": the surface is in the middle; "out": the sheet is on the side of the normals; "in": on the back.
-    Raises SolidError for a thickness that is not positive, for surfaces that are not manifolds or are wrongly oriented,
-    and for `side` on a one-sided surface."""
+    Raises SolidError for a thickness that is not positive, and for surfaces that are not manifolds or are wrongly
+    oriented. Also raises it for "out" and "in" on a one-sided surface."""
     t = _checked_thickness(surface, thickness)
     check_oriented(surface)
     if side != "mid" and one_sided_pieces(surface.F, surface.edges).any():

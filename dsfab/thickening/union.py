@@ -204,8 +204,8 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 
 class _Part(NamedTuple):
-    """A closed mesh V (n, 3), F (m, 3), pairs `found` (k, 2) of sheet faces whose prisms meet, and a mask `around` (k,)
-    of the pairs with a common vertex."""
+    """A closed mesh V (n, 3), F (m, 3).
+    found : (k, 2) pairs of sheet faces whose prisms meet.    around : (k,) mask of the pairs with a common vertex."""
 
     V: Floats
     F: Ints

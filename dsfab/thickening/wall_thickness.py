@@ -9,7 +9,7 @@ from dsfab.core.arrays import Floats, Ints, lock
 from dsfab.surface import edge_table, link_components
 from dsfab.thickening.solid import Solid
 
-INSIDE = 0.02  # Lines start near a face's corner, at this fraction of the way to its centre, where walls are thinnest.
+INSIDE = 0.02  # Lines start near a face's corner, where walls are thinnest: fraction of the way to the face's centre.
 OPPOSED = float(np.cos(np.radians(20)))  # Faces at larger angles form an edge, not a wall.
 LARGE = 1e6  # Size of the scaled mesh, because libigl's rays miss triangles of less than about 1e-6 in area.
 FLAT = float(np.cos(1e-3))  # Neighbours that are parallel to a thousandth of a radian form one flat facet.

@@ -318,8 +318,8 @@ MOST_FACES = 250_000  # largest number of faces of a cut sheet refined for drill
 
 def drilling_members(design: Design) -> tuple[MemberGraph, float]:
     """Return the members of a design on a mesh that is fine enough for drilling, and the edge of that mesh (m).
-    If the design's edges exceed `drilling_edge`, the points of the cut sheet move to the smooth surface, and each
-    triangle is divided into four, once or several times. The pattern and the names of members stay."""
+    If the design's edges exceed `drilling_edge`, each triangle is divided into four, once or several times. The points
+    of the cut sheet move to the smooth surface. The pattern and the names of members stay."""
 
     def members() -> tuple[MemberGraph, float]:
         graph, sheet, edge = design.members, design.sheet, design.surface.mean_edge

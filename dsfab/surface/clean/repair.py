@@ -65,10 +65,9 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
     Vertices closer than `WELD` times the mesh's largest dimension become one vertex, except where sheets cross.
     Pinholes are closed if their outline is shorter than `PINHOLE` times this dimension. The repair removes faces
-    without area, repeated faces, the third and further faces on an edge, and pieces smaller than `CRUMB` times the
-    area. It stitches seams between patches with different divisions, and joins parts that touch in a point (`seams`).
-    It drops copies of sheets, reduces a slab to its middle surface (`overlaps`), and straightens ragged borders
-    (`borders`)."""
+    without area, repeated faces, all but two faces on an edge, and pieces below `CRUMB` times the area. It stitches
+    seams between patches with different divisions, and joins parts that touch in a point (`seams`). It drops copies of
+    sheets, and reduces a slab to its middle surface (`overlaps`). It straightens ragged borders (`borders`)."""
     mesh = single_sheet(sound_faces(V, F), metres)
     mesh = stitched_mesh(_without(mesh, _on_edges_of_two, "on edges that already have two faces (a rib?)"))
     mesh = _without(mesh, _in_large_pieces, "in tiny loose pieces")
@@ -77,8 +76,8 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces. A face is
-    unusable if it has no area, is repeated, or has a corner that is not finite or far from all other vertices."""
+    """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces. Unusable faces
+    have no area, repeat another face, or have a corner that is not finite or is far from all other vertices."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are not numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
@@ -188,8 +187,9 @@ FINE, SEVERAL = 0.01, 3
 """A mesh is a scan if its mean edge is below `FINE` times its largest dimension, and it has faults. The faults are
 `SEVERAL` small holes, or `SEVERAL` edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""A mesh is also a scan if its mean edge is below `NOISY` times its largest dimension and its share of folded faces is
-above `FOLDED`. Meshes of designs had 0.02 % folded faces at most; a mesh with 2 mm noise on 70 mm edges had 0.3 %."""
+"""A mesh is also a scan if its mean edge is below `NOISY` times its largest dimension, and more than the fraction
+`FOLDED` of its faces is folded. Meshes of designs had up to 0.02 % folded faces; a mesh with 2 mm noise on 70 mm edges
+had 0.3 %."""
 TILTED, LOW = 0.7, 0.5
 """Noise has tilted a face if the cosine of the angle to the normals around it is below `TILTED` (45 degrees).
 The height of such a face must also be below `LOW` mean edges, because real bends tilt higher faces, too."""

@@ -116,8 +116,8 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: st
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
     unit : the user's unit, which replaces a unit of the file that dsfab does not know.
 
-    Raises SurfaceError for a path that is not a readable mesh file, for a file beyond the limits, and for an unknown
-    unit in the file without `unit`."""
+    Raises SurfaceError for a path that is not a readable mesh file, and for a file beyond the limits. Also raises it if
+    the unit in the file is unknown and `unit` is not set."""
     path = Path(path)
     suffix = _suffix(path)
     budget = Budget(most_triangles)

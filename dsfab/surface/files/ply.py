@@ -56,7 +56,7 @@ Columns = dict[str, Any]  # An array (count,) per property; for lists, all their
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
-    """Return the numbers (c,) of a text up to the first word that is not a number, and whether such a word exists."""
+    """Return the numbers (c,) at the beginning of a text, up to the first other word, and whether this word exists."""
     parts, position, odd = [np.empty(0)], 0, False
     while position < len(body) and not odd:
         gap = _SPACE.search(body, position + BLOCK)

@@ -13,8 +13,8 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
 """Cosines of the angle between a quad's two triangles: flat quads are above `FLAT`; below `WARPED`, folds may cross."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""A quad is cut along its longer diagonal if the unit normals then differ from those of flat neighbours by less than
-`ON` (10 degrees). The difference must also be below `BETTER` times the difference with the shorter diagonal."""
+"""A quad is cut along its longer diagonal if its triangles are then nearly parallel to flat neighbours. Their unit
+normals must differ by less than `ON` (10 degrees), and than `BETTER` times the difference with the shorter diagonal."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
@@ -63,7 +63,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return the unit normals (r, 4, 3) of the flat neighbours of quads; 0 at a side without a single flat neighbour.
+    """Return the unit normals (r, 4, 3) of the flat neighbours of quads; 0 at sides without a single flat neighbour.
     bent : (f,) faces that are not flat.    starts : (r,) index in `corners` of the first corner of each quad."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
@@ -126,8 +126,8 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
 
 def large_polygon_triangles(P: Floats) -> Ints | None:
     """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal. None if the polygon
-    crosses itself in this view, or has no area. Every corner is a corner of a triangle, also in the middle of a
-    straight side, because a neighbouring polygon may have a corner there."""
+    crosses itself in this view, or has no area. Corners in the middle of a straight side are corners of
+    triangles, too, because a neighbouring polygon may have a corner there."""
     flat, noise = _in_plane(P)
     x, y = flat.T
     area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
@@ -253,7 +253,7 @@ def polygons(V: list[list[float]], faces: list[list[int]]) -> Polygons:
 class CutPolygons:
     """Triangles of polygons.
     F : (m, 3) vertex indices. owner : (m,) the polygon of each triangle, ascending.
-    fanned : (p,) polygons that cross themselves and are cut as fans from their first corners."""
+    fanned : (p,) polygons that cross themselves; they are cut as fans from their first corners."""
 
     F: Ints
     owner: Ints

@@ -63,8 +63,8 @@ def read_surface(
     dsfab rotates it to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file`
     reports the repairs.
 
-    Raises SurfaceError for an unreadable file, coordinates that are not finite, collapsed or repeated faces, edges with
-    more than two faces, and parts that touch in a point inside the surface."""
+    Raises SurfaceError for an unreadable file, for coordinates that are not finite, and for collapsed or repeated
+    faces. Also raises it for edges with more than two faces, and for parts that touch in a point inside the surface."""
     return surface_in_file(path, unit, up, mend, max_triangles, repair).surface
 
 

@@ -192,7 +192,7 @@ class FileRecord:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Lines for the user: all texts except the first text of `read`, the format and the content."""
+        """Lines for the user: all texts but the first text of `read`, which states the format and the content."""
         kinds = ("read", self.read[1:]), ("repaired", self.repaired), ("dropped", self.dropped)
         return tuple(f"{kind}: {text}" for kind, texts in kinds for text in texts)
 
@@ -267,7 +267,8 @@ BLOCK = 1 << 20  # Number of characters that the reader splits into lines betwee
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file with line feeds as line ends, doubts about the text, and whether its last line has an end."""
+    """The text of a file with line feeds as line ends, remarks on likely faults, and whether the last line has an
+    end."""
 
     text: str
     doubts: tuple[str, ...]
@@ -363,8 +364,8 @@ vertices by over 1 % of an edge. It refuses steps above `LARGEST_STEP`, which ca
 
 
 def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, str]:
-    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3), divided by the mean edge, and a
-    sentence about it in `unit`; 0 and "" for a fine step. Coarse steps occur only far from the origin, in 32-bit
+    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3), divided by the mean edge. Return
+    also a sentence about it in `unit`; 0 and "" for a fine step. Coarse steps occur only far from the origin, in 32-bit
     numbers or with `DIGITS` digits."""
     P = V[F].reshape(-1, 3)
     largest = np.abs(P).max(axis=0)

@@ -153,8 +153,7 @@ class _DrawnObjects:
         self.counts = Counter[Content]()
 
     def all(self) -> Iterator[tuple[str, Any, Floats, bool]]:
-        """Yield layer, geometry, matrix (4, 4), and True if hidden, of each visible object outside definitions of
-        blocks."""
+        """Yield each object outside block definitions: layer, geometry, matrix (4, 4), and True on a hidden layer."""
         self.budget.require("entities", len(self.model.Objects))
         objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return self.objects(objects, np.eye(4), 0)

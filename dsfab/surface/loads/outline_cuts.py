@@ -67,7 +67,7 @@ class EdgeCrossings(NamedTuple):
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
     """Return the points at which the line crosses edges, by bisection. The ends of such an edge are on opposite sides.
-    An edge that starts on the line also counts if it first runs on one side and ends on the other side."""
+    An edge that starts on the line also counts if it continues on one side and ends on the other side."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -164,9 +164,9 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
-    """Return which vertices (k,) may move to places (k, 3) without a change of the surface's shape or boundary. Fixed
-    vertices stay. The angle between a move and any face around the vertex may have a sine of 0.2 at most.
-    tolerance : metres."""
+    """Return which vertices (k,) may move to places (k, 3) without a change of the surface's shape or boundary
+    (tolerance in metres). Fixed vertices stay. The sine of the angle between a move and any face around the vertex is
+    at most 0.2."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -319,7 +319,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces with all corners on lines. At depth 0 at all corners, the side of a face is unknown."""
+    """Divide faces whose corners are all on lines. Depths of 0 at all corners do not show on which side a face lies."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

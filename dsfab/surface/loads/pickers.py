@@ -136,8 +136,9 @@ class Box:
 
 @dataclass(frozen=True)
 class Ball:
-    """The vertices within `radius` of `center`, metres. relative : true if the centre is in fractions of the surface's
-    box, 0 to 1 along each axis, and the radius is a fraction of the box's diagonal."""
+    """The vertices within `radius` of `center`, metres.
+    relative : true if the centre is in fractions of the surface's box, 0 to 1 along each axis; the radius is then a
+               fraction of the box's diagonal."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     center: Vector

@@ -395,7 +395,7 @@ def without_rim_slivers(surface: Surface) -> Surface:
     side = bare.argmax(axis=1)  # the border edge starts at corner `side`
     a, b, tip = (F[np.arange(len(F)), (side + k) % 3] for k in range(3))
     base = edge_lengths(V, np.stack([a, b], axis=1))
-    low = 2 * surface.areas < TOLERANCE * base**2  # relative, so that small regular faces stay
+    low = 2 * surface.areas < TOLERANCE * base**2  # relative to the border edge, so that small regular faces stay
     low &= (bare.sum(axis=1) == 1) & ~on_boundary(edges, surface.n)[tip]
     low &= (angles_at(V, a, b, tip) < np.pi / 2) & (angles_at(V, b, a, tip) < np.pi / 2)
     chosen = np.flatnonzero(low)

@@ -219,7 +219,7 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # A vertex lies on a mirror plane, or images are one vertex, within this many edge lengths.
+PLANE_TOLERANCE = 1e-3  # Tolerance, in edge lengths, for vertices on mirror planes and for images at one place.
 
 
 @dataclass(frozen=True, eq=False)

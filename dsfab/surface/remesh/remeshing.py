@@ -54,8 +54,8 @@ def remeshed_surface(
     surfaces give equal meshes. Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an
     exactly symmetric mesh, whose bounding box is exact to a fiftieth of `edge`.
 
-    Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles,
-    repeated faces, and edges of more than two faces."""
+    Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles.
+    Also raises it for repeated faces, and for edges of more than two faces."""
     _check(surface, edge, finest)
     mirrored = not sizes  # sizes may differ between mirrored sides
     if finest:

@@ -92,8 +92,8 @@ class NearestOnSurface:
 
 
 def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Move free vertices in their tangent planes to weighted means of the centres of their faces, and curve vertices to
-    even steps along their curves. The weight of a face is its area divided by its squared wanted edge length."""
+    """Move free vertices in their tangent planes to weighted means of the centres of their faces. Move curve vertices
+    to even steps along their curves. The weight of a face is its area divided by its squared wanted edge length."""
     V, F, n = net.V, net.F, net.n
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2

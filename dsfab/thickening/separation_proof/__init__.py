@@ -101,8 +101,8 @@ Three = tuple[Floats, Floats, Floats]
 
 
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return a mask (m',) of the cells whose prisms may be folded, the smallest cosine (k,) of the angles between the
-    skin normals and the axis of each box, and the radius (m',) of each prism about its middle, metres."""
+    """Return a mask (m',) of the cells whose prisms may be folded, a cosine (k,) for each box, and the radius (m',) of
+    each prism about its middle, metres. The cosine is the smallest between the box's axis and its skin normals."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -165,7 +165,7 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Return a mask (k,) of the accepted boxes around whose cylinder the rim of their block runs exactly once."""
+    """Return which accepted boxes (k,) have a simple rim: the rim of their block runs around their cylinder once."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
