@@ -36,7 +36,7 @@ class Repairs:
                of a sheet that crosses itself).
     found    : pairs of faces that intersected before the repair.
     thinned  : vertices where the sheet was thinned because it met itself, `thinnest` the smallest remaining share of
-               the thickness, and `thinnest_at` its place, metres; 0, 1 and None without any.
+               the thickness, and `thinnest_at` its place, metres; 0, 1 and None if nothing was thinned.
     pairs    : pairs of faces that still intersect, and `pairs_at` the place of the first, metres.
     crossings : number of lines along which the sheet crosses itself, and where its parts were fused.
     moved    : vertices moved at small folds of the sheet, at most by `moved_by` metres.

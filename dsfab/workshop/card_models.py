@@ -53,7 +53,8 @@ def _scaled_member(member: Member, scale: float) -> Member:
 
 
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
-    """Return notes on a graph at model size with pins of a diameter `bolt` (m): bends, narrow members, coarse mesh."""
+    """Return notes on bends, narrow members and a coarse mesh of a graph at model size. bolt : diameter of the pins
+    (m)."""
     notes = []
     card = f"card of {length(limits.thickness)}"
     bending_text = f"{card} bends to a strain of {limits.bending:.2%} ({limits.member} most)"

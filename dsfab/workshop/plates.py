@@ -133,7 +133,7 @@ LINE_TOLERANCE = 1e-9  # largest distance between a mesh edge and its dividing l
 
 @dataclass(frozen=True)
 class SheetJoint:
-    """Joint between pieces of a sheet of a thickness (m): "fingers", "scarf", or "butt" for straight cuts."""
+    """Joint of the pieces of a sheet: "fingers", "scarf", or "butt" for straight cuts. thickness : of the sheet (m)."""
 
     kind: str = "butt"
     thickness: float = 0.0
@@ -202,7 +202,7 @@ def _rectangles(level: Surface, room: list[tuple[float, float]], joint: SheetJoi
 
 @dataclass(frozen=True, eq=False)
 class _SheetGrid:
-    """Equal rectangles of a sheet of a size (2,) in metres, with their joints."""
+    """Equal rectangles of a sheet with their joints. size : (2,) of the sheet (m)."""
 
     size: Floats
     counts: tuple[int, int]

@@ -232,7 +232,7 @@ class _StripLayer:
 
 
 def letter_height(width: float, limit: float) -> float:
-    """Return the height of letters (m) on a part of a width (m), at most `limit`."""
+    """Return the height of letters (m), at most `limit`, on a part with a width (m)."""
     return min(limit, max(0.3 * width, min(LEGIBLE_HEIGHT, TALL_LETTER_SHARE * width)))
 
 
@@ -242,7 +242,8 @@ def _is_clear(place: float, text_size: float, taken: list[tuple[float, float]], 
 
 
 def bending_strain(course: StripCourse, span: tuple[float, float], thickness: float) -> float:
-    """Return the largest strain t |kn| / 2 of a layer of a thickness t (m) that is bent along a course over a span."""
+    """Return the largest strain t |kn| / 2 of a layer (thickness t in metres) that is bent along a course over a
+    span."""
     inside = (course.s >= span[0]) & (course.s <= span[1])
     bend = np.abs(course.kn[inside]).max() if inside.any() else np.abs(np.interp(sum(span) / 2, course.s, course.kn))
     return float(thickness * bend / 2)

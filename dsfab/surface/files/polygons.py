@@ -13,8 +13,9 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
 """Cosines of the angle between a quad's two triangles: flat quads are above `FLAT`; below `WARPED`, folds may cross."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""A quad is cut along its longer diagonal if its triangles are then nearly parallel to flat neighbours. Their unit
-normals must differ by less than `ON` (10 degrees), and than `BETTER` times the difference with the shorter diagonal."""
+"""A quad is cut along its longer diagonal if its triangles are then nearly parallel to flat neighbours. The difference
+of the unit normals must be below `ON` (10 degrees), and below `BETTER` times the difference for the shorter diagonal.
+"""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:

@@ -1,4 +1,4 @@
-"""Load cases by name, and their combinations: those of the user, and those by EN 1990."""
+"""Load cases by name, and their combinations, by the user or by EN 1990."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

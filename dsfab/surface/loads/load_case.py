@@ -121,7 +121,7 @@ def outward_normals(surface: Surface) -> Floats:
 
 
 def picked_faces(surface: Surface, picker: Picker, kind: str) -> Bools:
-    """Return the faces (m,) whose corners are all picked; raises SurfaceError if none are."""
+    """Return the faces (m,) whose corners are all picked; raises SurfaceError without such faces."""
     faces = surface.faces_of(picker.vertices(surface))
     if not faces.any():
         raise SurfaceError(

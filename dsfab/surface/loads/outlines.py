@@ -147,7 +147,7 @@ class PlanPolygon:
         return Extent(depth, np.array([*uprights, *around]).reshape(-1, 2, 3), _width(P))
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if none are."""
+        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
@@ -201,7 +201,7 @@ class ClosedCurves:
         return Extent.union([plane.extent(surface, self.depth) for plane in planes])
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if none are, and as `extent` does."""
+        """Return the picked vertices (n,). Raises SurfaceError if no vertex is picked, and as `extent` does."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
@@ -228,7 +228,7 @@ class Brush:
         return Extent(depth, np.empty((0, 2, 3)), radius)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if none are."""
+        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 

@@ -152,7 +152,7 @@ class Ball:
         return _in_metres([self.center], surface, self.relative)[0], self.radius * scale
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if none are."""
+        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         center, radius = self.metres(surface)
         return within_reach(self, surface, np.linalg.norm(surface.V - center, axis=1), radius)
 
@@ -258,7 +258,7 @@ class Facing:
     pick: Literal["facing"] = "facing"
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if none are."""
+        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         require_two_sides(surface, np.ones(surface.m, dtype=bool), picker_words(self))
         d, N = unit_vector(self.direction, picker_words(self)), surface.vertex_normals
         degrees = np.degrees(np.arctan2(np.linalg.norm(np.cross(N, d), axis=1), N @ d))
@@ -318,7 +318,7 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """Return the vertices (n,) at distances `away` (n,) up to `reach`, metres; raises SurfaceError without any."""
+    """Return the vertices (n,) at distances `away` (n,) up to `reach`, metres; raises SurfaceError if none exist."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 

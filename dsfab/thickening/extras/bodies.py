@@ -78,7 +78,7 @@ def united_bodies(bodies: list["manifold3d.Manifold"]) -> "manifold3d.Manifold":
 
 
 def drill(point: Floats, axis: Floats, diameter: float, length: float) -> "manifold3d.Manifold":
-    """Return a round prism of a length along an axis (3,); its centre is at a point (3,), metres."""
+    """Return a round prism along an axis (3,), with its centre at a point (3,); diameter and length in metres."""
     import manifold3d
 
     z = unit((float(axis[0]), float(axis[1]), float(axis[2])), "thickening.extra: axis")

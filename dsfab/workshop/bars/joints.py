@@ -90,7 +90,7 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return plates of a thickness (m) with legs below strips at supports, and names of nodes too flat for a leg."""
+    """Return plates (thickness in metres) with legs below strips at supports, and names of nodes too flat for a leg."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(member.mean_width for member in node_members) for node_members in members]
@@ -256,7 +256,7 @@ class _BayEnds:
 
 
 def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: float) -> BarLattice:
-    """Return bars of a thickness (m) for all bays of a lattice, with bolts of a diameter (m)."""
+    """Return bars for all bays of a lattice. thickness : of the bars (m). bolt : diameter of the bolts (m)."""
     ends = np.array([bay.ends for bay in lattice.bays], dtype=np.int64).reshape(-1, 2)
     count = len(ends)
     opposite, widths = np.roll(np.arange(2 * count), count), np.tile([bay.width for bay in lattice.bays], 2)

@@ -162,7 +162,7 @@ class OpenSheet:
 
 
 def empty_sheet(size: tuple[float, float], grid: ColumnGrid) -> OpenSheet:
-    """Return an empty sheet of a length and a width (m)."""
+    """Return an empty sheet with the size (length, width), metres."""
     columns = int(np.ceil((size[0] - grid.gap) / grid.step))  # the last column may extend beyond the sheet's edge
     return OpenSheet(size, np.full(columns, grid.gap / 2), size[0] * size[1], grid.gap / 2)
 

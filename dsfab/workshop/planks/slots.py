@@ -97,7 +97,7 @@ class PlankCrossings:
 
 
 def slot_width(thickness: float, angle: float) -> float:
-    """Return the width of a slot (m) for planks of a thickness that cross at an angle (radians)."""
+    """Return the width of a slot (m) for planks with equal thickness (m) that cross at an angle (radians)."""
     return float(thickness / np.sin(angle) + thickness / np.tan(angle))
 
 
