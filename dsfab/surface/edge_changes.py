@@ -25,7 +25,7 @@ def border_edges(surface: Surface) -> Bools:
 
 
 def sharp_edges(surface: Surface) -> Bools:
-    """Return the edges (e,) whose two faces have normals at least `CREASE` apart."""
+    """Return the edges (e,) at which the normals of the two faces differ by at least `CREASE`."""
     marks = np.zeros(len(surface.edges.ends), dtype=bool)
     first_normals, second_normals = surface.normals[surface.edges.pairs // 3].transpose(1, 0, 2)
     marks[surface.edges.count == 2] = np.einsum("ei,ei->e", first_normals, second_normals) < np.cos(np.radians(CREASE))
@@ -44,8 +44,8 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
     Vertices move towards the smooth limit surface. Vertices on a boundary or a crease (30 degrees) stay, and the edges
     between them are halved in place.
 
-    Raises SurfaceError for an invalid target or over `LARGEST` triangles, and for `smooth` on a surface that is not
-    manifold and consistently oriented."""
+    Raises SurfaceError for an invalid target or more than `LARGEST` triangles. Also raises it for `smooth` on a surface
+    that is not manifold and consistently oriented."""
     if not (np.isfinite(target) and target > 0):
         raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
     if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):
@@ -125,7 +125,7 @@ def with_longest_edges(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
 
 
 def quads(F: Ints, pairs: Ints) -> Ints:
-    """Return a, b, c, d (q, 4): the ends of edges a-b with half-edges `pairs` (q, 2), and the opposite corners."""
+    """Return a, b, c, d (q, 4) for edges a-b, with c and d opposite; `pairs` (q, 2) are the half-edges of the edges."""
     h0, h1 = pairs.T
     corners: Ints = np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)
     return np.asarray(F.ravel()[corners])
@@ -141,7 +141,7 @@ def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
 
 
 def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
-    """Return which quads (q, 4), on n vertices, have a diagonal c-d that is not an edge yet, (q,)."""
+    """Return which quads (q, 4), on n vertices, have a diagonal c-d that is not an edge yet."""
     keys, diagonal_keys = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
     positions = np.minimum(np.searchsorted(keys, diagonal_keys), len(keys) - 1)
     return np.asarray((keys[positions] != diagonal_keys) & (quad[:, 2] != quad[:, 3]))
@@ -168,10 +168,10 @@ def has_three_corners(F: Ints) -> Bools:
 
 
 def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = None) -> Bools:
-    """Return which candidates (c,) precede all candidates near them. Two results never touch a common vertex.
+    """Return which candidates (c,) come before all candidates that touch one of their vertices.
     order   : (c,) the candidates, best first.
     touched : (c, k) of n vertices that each candidate touches.
-    edges   : (e, 2) edges of the mesh; if given, two results never touch neighbouring vertices either."""
+    edges   : (e, 2) edges of the mesh; if given, candidates at neighbouring vertices are compared, too."""
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     least_rank = np.full(n, len(order))
@@ -188,7 +188,7 @@ LEAST_ANGLE_GAIN = 1.0  # Degrees; a flip must increase the smallest angle of tw
 
 def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:
     """Return the surface with flipped edges wherever this increases the smallest angle.
-    may   : (n,) a face may change if one of its corners is marked.    stays : (k, 2) ends of edges that stay.
+    may   : (n,) marks; a face may change if one of its corners is marked.    stays : (k, 2) ends of edges that stay.
     tolerance : largest distance that the surface may move, metres."""
     keys = _keys(surface.n, *stays.T)
     for _ in range(8):

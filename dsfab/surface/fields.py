@@ -44,8 +44,7 @@ def voronoi_mass(surface: Surface) -> Floats:
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
     """Return the sparse sum (n, n) of the face blocks (m, 3, 3); row and column i of a block belong to corner i.
-    diagonal : (n,) added to the diagonal. All matrices with a diagonal have the same pattern, because zeros are stored.
-    """
+    diagonal : (n,) added to the diagonal. All matrices with a diagonal have one pattern, because zeros are stored."""
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
     values = blocks.ravel()
@@ -56,15 +55,15 @@ def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -
     return coo_array((values, (rows, columns)), shape=(surface.n, surface.n)).tocsr()
 
 
-Kind = Literal["edge", "centre"]  # Kind of a line: an end of the material, or the middle of a member.
+Kind = Literal["edge", "centre"]  # Kind of a line: an edge of the material, or the middle line of a member.
 
 
 @dataclass(frozen=True, eq=False)
 class StructureLine:
     """A line of the structure, as a polyline on the surface.
-    kind   : "edge", the end of the material, or "centre", the middle of a member.
+    kind   : "edge", an edge of the material, or "centre", the middle line of a member.
     family : "major", "minor", "keep" or "rim"; or "boundary" where material ends with the surface.
-    number : number of the stripe in its family: the stripe coordinate on its middle line; 0 without stripes.
+    number : number of the stripe in its family, 0 without stripes. It is the stripe coordinate on the middle line.
     part   : 1, 2, ... among the lines of the same kind, family and number.
     points : (k, 3) metres; the last point repeats the first if the line is closed.
     length : metres, of the line on the mesh, before any simplification."""
@@ -131,7 +130,7 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 
 class _Nodes(NamedTuple):
-    """Points where levels cross edges. The nodes of edge e begin at index offset[e], and their levels at begin[e]."""
+    """Points where levels cross edges. Edge e has the nodes from offset[e] on, and the levels from begin[e] on."""
 
     offset: Ints
     begin: Ints
@@ -175,8 +174,7 @@ def _side(i: Ints, j: Ints) -> Ints:
 
 def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
     """Join links between `count` nodes to chains. Return the nodes and links (c,) of each chain. A node has at most two
-    links. Open chains come first, each from the end with the lower number. Closed chains repeat their first node at the
-    end."""
+    links. Open chains come first, each from its end with the lower number. Closed chains end with their first node."""
     node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)
@@ -241,10 +239,10 @@ class CornerField:
     """A field on a surface with n vertices and m faces; its sign and offset may differ from face to face.
     x      : (n, 1) values at the vertices, or (n, 2) for a band (see `dsfab.slicing.cutting.cut`). In a band, a place
              is material if more levels lie below x[:, 0] than below x[:, 1].
-    sign   : (m, 3) 1 or -1, and shift : (m, 3). The value at a corner of a face is sign * x + shift.
+    sign, shift : (m, 3) of each corner of a face; sign is 1 or -1. The value there is sign * x + shift.
     blank  : (m,) faces without a field; the cut leaves them whole.
-    wanted : (m,) share of each face on which the field applies, 0 to 1; None if it applies everywhere. The mean share
-             over an opening of earlier fields decides whether the opening stays."""
+    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere. The
+             mean fraction in an opening of earlier fields decides whether the opening stays."""
 
     x: Floats
     sign: Floats
@@ -314,7 +312,7 @@ class DividedSurface:
         return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
 
     def origins_on_parts(self, origins: Origins) -> Origins:
-        """Convert origins on the undivided surface to origins on the divided surface."""
+        """Convert origins of distances from the undivided surface to the divided surface."""
         if self.surface is self.whole:
             return origins
         n, whole_edges, part_edges = self.whole.n, self.whole.edges, self.surface.edges
@@ -324,7 +322,7 @@ class DividedSurface:
         edges[uncut] = origins.edges[np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))]
         parts = self.cut_parts()
         corners = self.corners(parts)
-        # is_on_side[part, k, j]: side k of the part lies on the side of its face opposite corner j
+        # is_on_side[part, k, j]: side k of the part lies on its face's side j, opposite corner j
         is_on_side = (corners == 0) & (corners[:, [1, 2, 0]] == 0)
         marked = origins.edges[whole_edges.of[self.parent[parts]][:, [1, 2, 0]]]
         part, side, _ = np.nonzero(is_on_side & marked[:, None, :])
@@ -361,7 +359,7 @@ class DividedField:
         return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the values (m, p) of a field of one column at points of each face, barycentric coordinates (p, 3)."""
+        """Return the values (m, p) of a field with one column, at the barycentric coordinates (p, 3) in each face."""
         surface, parts = self.divided.whole, self.divided.cut_parts()
         values, inside = self.x[surface.F] @ points.T, np.full((surface.m, len(points)), -np.inf)
         part_coordinates = points @ np.linalg.inv(self.divided.corners(parts))  # (k, p, 3) coordinates in each part

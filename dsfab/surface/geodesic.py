@@ -22,7 +22,7 @@ SLACK = 1e-10  # Limit of rounding errors, as a share of the compared lengths, a
 @dataclass(frozen=True, eq=False)
 class Windows:
     """Parts of edges that sources see, with coordinates in the plane of each source. The arrays hold k windows.
-    names  : (k, 5) columns `edge` to `parallel` (properties).    values : (k, 7) columns `at_a` to `offset`."""
+    names  : (k, 5) the properties `edge` to `parallel`.    values : (k, 7) the properties `at_a` to `offset`."""
 
     names: Ints
     values: Floats
@@ -102,7 +102,7 @@ class Windows:
         return np.asarray(self.offset + np.where(self.parallel, P[:, 1], np.hypot(P[:, 0], P[:, 1])))
 
     def nearest(self) -> Floats:
-        """Return the least distance (k,) within each window."""
+        """Return the smallest distance (k,) from the source within each window."""
         P, Q = self.place(self.start), self.place(self.end)
         along = Q - P
         foot = np.clip(-dot2(P, along) / np.maximum(dot2(along, along), np.finfo(float).tiny), 0, 1)
@@ -114,8 +114,8 @@ class Windows:
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
-        """Return the offset (..., k) of C (..., k, 2) to the left of the ray through A + t (B - A), times the ray's
-        length. Offsets within rounding errors are 0."""
+        """Return the distance (..., k) of points C (..., k, 2) to the left of the ray through A + t (B - A), times the
+        length of `rays`. Distances within rounding errors are 0."""
         P = self.place(t)
         ray = self.rays(P)
         offsets = cross2(ray, C - P)
@@ -163,8 +163,7 @@ class Distances(NamedTuple):
 
 def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf) -> Distances:
     """Return the lengths of the shortest paths along a surface to the nearest origin; infinite if there is no path.
-    reach : metres; distances are exact on faces that are partly nearer than this, and the search skips all further
-            faces."""
+    reach : metres; distances are exact on faces of which a part is closer than this. All other faces are skipped."""
     front = _Front(surface, origins, reach)
     waiting = front.advance([front.edge_windows(), front.vertex_windows(_Bends.from_origins(origins))], reach)
     reached = front.reached.copy()
@@ -174,9 +173,9 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices (k,) at which shortest paths bend; `offset` (k,) metres is their distance from the source.
-    Rays leave a vertex in all directions except within `bound` radians of the incoming path. The angles (k, 2) from two
-    edges (k, 2) at the vertex describe the direction of this path."""
+    """Vertices (k,) at which shortest paths bend; `offset` (k,) metres is their distance from the source. A vertex
+    sends rays in directions that differ from the incoming path by more than `bound` radians. `angle` (k, 2) gives this
+    path's direction, measured from two edges (k, 2) at the vertex."""
 
     vertex: Ints
     offset: Floats
@@ -198,7 +197,7 @@ class _Bends(NamedTuple):
 class _Front:
     """Distances computed so far; see `Distances`.
     size    : (e,) lengths of the edges.    reached : (m,) faces that are partly within reach.
-    bending : (n,) vertices at which paths may bend.  bent : (n,) the distance at which each vertex last sent out rays.
+    bending : (n,) vertices at which paths may bend.   bent : (n,) distance of each vertex when it last sent out rays.
     waiting : vertices that still have to send out rays."""
 
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:

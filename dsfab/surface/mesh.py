@@ -1,4 +1,4 @@
-"""`Surface`, the triangle mesh of every stage; enclosed volume, area, and the nearest points of a mesh."""
+"""`Surface`, the triangle mesh of every stage. Enclosed volume and area of a mesh, and its nearest points."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ def bounding_box(V: Floats, F: Ints) -> Floats:
 
 def signed_volume(V: Floats, F: Ints) -> float:
     """Return the volume inside closed faces F (m, 3) on V (n, 3), in their unit cubed; negative for inward normals.
-    Method: sum of tetrahedra (divergence theorem) with tips in the middle of the box, to keep digits far from 0."""
+    Method: divergence theorem, as a sum of tetrahedra with tips in the middle of the box, for accuracy."""
     return float(_tetrahedron_volumes(V, F).sum())
 
 
@@ -51,7 +51,7 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield blocks of k faces: slice, first corners (3, k) minus the box's middle, twice the area vectors (3, k)."""
+    """Yield blocks of k faces: slice, first corners (3, k) relative to the box's middle, double area vectors (3, k)."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
@@ -232,7 +232,7 @@ class Surface:
 
     @cached_property
     def vertex_pieces(self) -> Ints:
-        """Piece (n,) of each vertex, which is the piece of one of its faces; -1 for a vertex without faces."""
+        """Piece (n,) to which each vertex belongs by one of its faces; -1 for a vertex without faces."""
         piece = np.full(self.n, -1, dtype=np.int64)
         piece[self.F] = self.pieces[1][:, None]
         return piece

@@ -31,8 +31,8 @@ def upright_vertices(V: Floats, up: Up) -> Floats:
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
-    """Return 1 or -1 (m, 3) for each face corner: -1 if the face is flipped relative to the first face at the vertex.
-    All values are 1 on an oriented surface. Each fan of faces at a vertex has its own first face."""
+    """Return 1 or -1 (m, 3) for each face corner: -1 if the face is flipped relative to the vertex's first face. All
+    values are 1 on an oriented surface. Each fan of faces at a vertex has its own first face."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
     h0, h1 = edges.pairs.T
@@ -43,7 +43,7 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
     j, turn = 2 * np.concatenate([at_start, at_end]), np.tile(clash, 2)
     i, j = np.concatenate([i, i + 1]), np.concatenate([j + turn, j + 1 - turn])
     side = link_components(6 * len(F), i, j)[1].reshape(-1, 2)
-    fan, reference = np.unique(side.min(axis=1), return_index=True)  # both sides of a corner belong to one fan
+    fan, reference = np.unique(side.min(axis=1), return_index=True)  # each corner has two sides in its fan
     reference_corner = reference[np.searchsorted(fan, side.min(axis=1))]
     sides: Ints = np.where(side[:, 0] == side[reference_corner, 0], 1, -1).reshape(-1, 3)
     return sides
@@ -61,8 +61,8 @@ def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
-    """Return the faces (m,) to flip so that neighbours agree along a spanning tree of each piece. One-sided pieces need
-    such flips, because no choice makes all neighbours agree; a short seam remains."""
+    """Return the faces (m,) to flip so that neighbours agree along a spanning tree of each piece. In a one-sided piece,
+    neighbours still disagree along a short seam."""
     f, g, clash = _neighbours(F, edges)
     m = len(F)
     steps = coo_array((np.concatenate([clash, clash]) + 1, (np.r_[f, g], np.r_[g, f])), shape=(m, m)).tocsr()

@@ -24,7 +24,7 @@ def check_edges(surface: Surface) -> None:
 
 
 def check_oriented(surface: Surface) -> None:
-    """Raise SolidError as `check_edges` does, and if adjacent faces of an orientable piece point to opposite sides."""
+    """Raise SolidError as `check_edges` does, or if adjacent faces of an orientable piece point to opposite sides."""
     check_edges(surface)
     edges = surface.edges
     against = misoriented_edges(surface.F, edges)
@@ -50,22 +50,23 @@ def _edge_names(ends: Ints, count: int = 5) -> str:
     return ", ".join(f"{a}-{b}" for a, b in ends[:count]) + (", ..." if len(ends) > count else "")
 
 
-VISIBILITY_GAP = 0.001  # The search ends if the smallest cosine is within this share of the best possible cosine.
+VISIBILITY_GAP = 0.001  # The search ends if the smallest cosine is within this fraction of the best possible.
 CHUNK = 1 << 13  # Number of faces processed together, because they fit the processor's cache.
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
-    """Return unit normals (n, 3) whose smallest cosine to the faces at a vertex is at least 95 % of the best possible.
+    """Return unit normals (n, 3) at the vertices, at small angles to the normals of the faces around each vertex. The
+    smallest cosine of these angles is at least 95 % of the best possible.
 
     The best normal is the direction of the point nearest to the origin in the convex hull of the face normals [Gilbert
     1966: step towards the worst face]. The length of any point of the hull is an upper bound of the best cosine. The
-    search starts from the mean weighted by the corner angles (m, 3). If no normal sees all faces, it returns this mean.
+    search starts from the mean weighted by the corner angles (m, 3); if cosines stay negative, it returns this mean.
 
-    faces : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the vertex."""
+    faces : (m, 3, 3) normal of each face at each of its corners, on the upper side of the vertex."""
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # corners of normals that can improve
+    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # corners at vertices whose normals can improve
     by_vertex = tight[sorted_order(vertex[tight])]
     vertex, normal = vertex[by_vertex], normal[by_vertex]
     for _ in range(200 if len(tight) else 0):
@@ -92,7 +93,7 @@ def _may_improve(surface: Surface, point: Floats, faces: Floats) -> Bools:
 
 
 def mitres(surface: Surface, N: Floats, weights: Floats, faces: Floats, limit: float = 2.0) -> Floats:
-    """Return mitre factors (n,): 1 / mean cosine between the normal N of a vertex and its faces, at most `limit`."""
+    """Return mitre factors (n,), at most `limit`: 1 / mean cosine of the angles between the normal N and the faces."""
     cosine = np.stack([np.einsum("mi,mi->m", N.take(surface.F[:, v], axis=0), faces[:, v]) for v in range(3)], axis=1)
     return 1 / np.clip(_corner_mean(surface, weights, cosine.reshape(-1, 1))[:, 0], 1 / limit, 1)
 
@@ -128,7 +129,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Return `point` (n, 3) as unit normals; `mean` or any face's normal where a point sees a face from behind."""
+    """Return `point` (n, 3) as unit normals; `mean`, or any face's normal, if `point` is on the back of a face."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -158,8 +159,7 @@ class Offsets:
 
     D        : (n, 3) half of the vector from the lower to the upper skin at each vertex, metres. Zero without faces.
     limited  : number of vertices where the surface bends too sharply for the thickness.
-    smallest : smallest remaining share of the thickness; 1 without limited vertices.
-    tightest : the vertex with the smallest share.
+    smallest : smallest remaining fraction of the thickness, at the vertex `tightest`; 1 without limited vertices.
     sides    : (m, 3) side of a face, 1 or -1, on which D lies at each of its corners (see `corner_sides`); always 1
                except on one-sided surfaces."""
 
@@ -182,13 +182,13 @@ class Offsets:
 def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> Offsets:
     """Return offset vectors for a sheet of `thickness` (metres, measured normal to its faces) around a surface.
 
-    Each vector has the direction that is most visible from the faces around its vertex. It is longer at creases
-    (mitre, at most twice), and shorter where the prisms over the faces would fold over.
+    Each vector has the direction that makes the smallest angles with the normals around its vertex. It is longer at
+    creases (mitre, at most twice), and shorter where the prisms over the faces would fold over.
 
     thickness : of the whole sheet, one number or (n,) at each vertex.
-    side      : "mid" for a sheet around the surface, "out" for one on the side of the normals, "in" for the other side.
-    Raises SolidError for a thickness that is not positive, for surfaces that are not manifolds or are wrongly oriented,
-    and for `side` on a one-sided surface."""
+    side      : "mid": the surface is in the middle; "out": the sheet is on the side of the normals; "in": on the back.
+    Raises SolidError for a thickness that is not positive, and for surfaces that are not manifolds or are wrongly
+    oriented. Also raises it for "out" and "in" on a one-sided surface."""
     t = _checked_thickness(surface, thickness)
     check_oriented(surface)
     if side != "mid" and one_sided_pieces(surface.F, surface.edges).any():
@@ -217,11 +217,10 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
 def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
-    """Return factors (n,), at most 1, on D (n, 3) for which every prism over a face has a clearly positive Jacobian.
-    The limit of the Jacobian is lower at corners with offsets nearly parallel to the face, because shrinking does not
-    help there.
+    """Return factors (n,), at most 1, on D (n, 3) for which every prism over a face has a clearly positive Jacobian. At
+    corners with offsets nearly parallel to the face, a smaller Jacobian is accepted: shrinking does not help there.
     sides : as in `Offsets`.    shift : as in `SHIFT`.    shrink : factor of each step.
-    smallest : least factor; an exact test of intersections follows later."""
+    smallest : smallest factor; an exact test of intersections follows later."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):

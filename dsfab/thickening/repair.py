@@ -154,7 +154,7 @@ def _flip_diagonals(
         return backslash, pairs
     P = skin.vertices(V, D)
     for round_ in range(3):
-        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # flips of two neighbours may spoil each other
+        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # flips of neighbours may undo each other
         if not len(walls):
             break
         trial = _toggle(backslash, walls)

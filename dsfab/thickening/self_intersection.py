@@ -1,8 +1,8 @@
 """Exact test for triangles of a mesh that meet outside their shared vertices and edges.
 
 libigl decides with exact predicates [Shewchuk 1997] for triangles without a common vertex. For neighbours it uses
-tolerances in absolute units, so this module decides about neighbours. Measured with libigl 2.6.3 against CGAL: libigl
-reported 58 pairs on a tube without any, and missed 41 of 71 on meshes of 1e-6 m; CGAL and this module always agree."""
+tolerances in absolute units, so this module decides about neighbours. Compared with CGAL, libigl 2.6.3
+reported 58 pairs on a tube without any, and missed 41 of 71 on meshes of 1e-6 m. CGAL and this module always agree."""
 
 import igl.predicates
 import numpy as np
@@ -32,7 +32,7 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
 
 def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
     """Return the `intersecting_pairs` after vertices `moved` (n,) moved to V (n, 3); `before` (k, 2) are the old pairs.
-    The test covers only faces around moved vertices, and faces near these."""
+    Only faces around moved vertices, and faces near them, are tested."""
     changed = np.asarray(moved[F].any(axis=1))
     if not changed.any():
         return before
@@ -53,7 +53,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
     corner = sorted_order(s)
     around = s[corner]
     position, hits = np.arange(len(corner)), []
-    for distance in range(1, len(corner)):  # up to the number of faces at a vertex
+    for distance in range(1, len(corner)):  # ends after the largest number of faces at a vertex
         position = position[position + distance < len(corner)]
         position = position[around[position] == around[position + distance]]
         if not len(position):
@@ -69,7 +69,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
 
 
 def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
-    """Return a mask of the pairs of corners i, j that a plane surely separates. This decides nearly all pairs."""
+    """Return a mask of the pairs of corners i, j that a plane surely separates. This test decides nearly all pairs."""
     w = middle[i] - middle[j]
     least = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
     largest = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))
@@ -138,8 +138,8 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 
 
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
-    """Return the exact sign of the area of triangles (k,), projected along a coordinate axis.
-    A tetrahedron over the projected triangle with its tip at unit height on that axis has the same sign."""
+    """Return the exact sign of the area of triangles (k,), projected along a coordinate axis. The sign is that of a
+    tetrahedron over the projected triangle, with its tip at unit height on the axis."""
     keep = 1.0 - np.eye(3)[axis]
     return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])
 

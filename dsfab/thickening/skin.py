@@ -31,7 +31,7 @@ def rounding_step(V: Floats, D: Floats) -> float:
 
 def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     """Collapse short edges and merge coplanar faces of a closed mesh V (n, 3), F (m, 3); it stays closed and oriented.
-    tolerance : limit for each collapse in the unit of V; all collapses together may move points 1.5 to 3 times as far.
+    tolerance : largest move of each collapse, in V's unit; all collapses together may move points 1.5 to 3 times this.
     Raises SolidError if manifold3d rejects the mesh, or if all of it collapses."""
     import manifold3d
 
@@ -46,8 +46,7 @@ def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
 
 def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, Ints]:
     """Return vertices (2 n, 3), metres, and triangles (k, 3) of the closed mesh around a manifold sheet.
-    D : (n, 3) half-thickness vectors. shift : as in `Skin`. The function does not test whether the mesh crosses itself.
-    """
+    D : (n, 3) half-thickness vectors. shift : as in `Skin`. Crossings of the mesh with itself are not tested."""
     skin = Skin.from_surface(surface, shift)
     return skin.vertices(surface.V, D), skin.faces(skin.shorter_diagonals(surface.V, D))
 
@@ -92,7 +91,7 @@ class Skin:
         return round_to_single(copies) if self.single else copies
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
-        """Return True for each wall (r,) whose diagonal p+ q- is the shorter one; False for a tie, up to rounding."""
+        """Return True for each wall (r,) whose diagonal p+ q- is shorter than q+ p-; False if both are nearly equal."""
         P = self.vertices(V, D)
         back, slash = P[self.p[0]] - P[self.q[1]], P[self.q[0]] - P[self.p[1]]
         shorter: Bools = np.einsum("ri,ri->r", back, back) < (1 - 1e-9) * np.einsum("ri,ri->r", slash, slash)

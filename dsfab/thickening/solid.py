@@ -32,16 +32,16 @@ Place = tuple[float, float, float]
 class Repairs:
     """Numbers of the repair of a solid.
 
-    rung     : strongest method of the repair: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts of a
-               sheet that crosses itself).
+    rung     : strongest method that the repair used: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts
+               of a sheet that crosses itself).
     found    : pairs of faces that intersected before the repair.
     thinned  : vertices where the sheet was thinned because it met itself, `thinnest` the smallest remaining share of
-               the thickness, and `thinnest_at` its place, metres; 0, 1 and None without any.
+               the thickness, and `thinnest_at` its place, metres; 0, 1 and None if nothing was thinned.
     pairs    : pairs of faces that still intersect, and `pairs_at` the place of the first, metres.
-    crossings : number of lines along which the sheet crosses itself and its parts were fused.
+    crossings : number of lines along which the sheet crosses itself, and where its parts were fused.
     moved    : vertices moved at small folds of the sheet, at most by `moved_by` metres.
     lost     : share of the sheet's volume that thinning removed.
-    limited  : vertices of the uncut surface made thinner because it bends too sharply there, down to `smallest`."""
+    limited  : vertices of the uncut surface where sharp bends make the sheet thinner, down to `smallest`."""
 
     rung: Literal["none", "flipped", "thinned", "united"] = "none"
     found: int = 0
@@ -129,7 +129,7 @@ def _triple(point: Floats) -> Place:
     return float(point[0]), float(point[1]), float(point[2])
 
 
-VOLUME_TOLERANCE = 1e-9  # Largest rounding difference from the volume by manifold3d, over area times size.
+VOLUME_TOLERANCE = 1e-9  # Largest difference from the volume by manifold3d, divided by area and size of the solid.
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +242,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
 
 
 def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) -> Floats:
-    """Return the vertices of the repaired solid: exact if they cause no more intersections than rounded vertices."""
+    """Return the vertices of the repaired solid: exact if they cause no more intersections than after rounding."""
     V = skin.vertices(repair.V, repair.D)
     if not skin.single:
         return V
@@ -252,8 +252,7 @@ def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) ->
 
 def check_solid(solid: Solid) -> None:
     """Raise SolidError unless manifold3d accepts the solid as a closed manifold and finds the same positive volume.
-    manifold3d makes a bad mesh empty without an error, so the check reads its status. It does not test intersections.
-    """
+    manifold3d makes a bad mesh empty without an error, so the status is read. Intersections are not tested."""
     import manifold3d
 
     mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # writable copies
@@ -296,7 +295,7 @@ def _euler_characteristic(F: Ints) -> int:
 
 
 def _check_upward(surface: Surface, skin: Skin, D: Floats) -> None:
-    """Raise SolidError for pieces whose offset vectors point to the back of the faces: they would be inside out."""
+    """Raise SolidError for pieces that would be inside out: their offset vectors point to the back of the faces."""
     count, label = surface.pieces
     upward = np.zeros(surface.m)
     for corner, copy in zip(surface.F.T, skin.upper.T, strict=True):

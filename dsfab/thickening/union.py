@@ -15,12 +15,12 @@ from dsfab.surface.topology import adjacency, corner_fans, corners_of, edge_tabl
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
-INWARD = 0.005  # Share of the way to adjacent vertices by which vertices at seams and at ends of patches move.
+INWARD = 0.005  # Vertices at seams and ends of patches move by this fraction of the distance to their neighbours.
 
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """A part of the sheet with adjacent faces of other parts.
+    """A part of the sheet, extended over adjacent faces of other parts.
     faces : (m,) mask of all these faces.    V : (n, 3) vertices of the sheet, some of them moved.
     share : (n,) factors on the offsets."""
 
@@ -32,8 +32,7 @@ class Overlap:
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Return one part for each colour of the faces (m,); a part extends over adjacent faces of higher colours.
     clashes : (k, 2) pairs of faces of the sheet whose prisms meet; no part contains such a pair.
-    A part of colour c is thinner by 2 % (1 + c / 2) on a seam with a lower colour, and by half of this beside the seam.
-    """
+    A part of colour c is thinner by 2 % (1 + c / 2) at a seam with a lower colour, and by half of this beside it."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -68,7 +67,7 @@ def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clas
 
 
 def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_vertices: Bools) -> Floats:
-    """Return all vertices (n, 3), with vertices `beyond` moved by 45 % along their shortest edge to the patch."""
+    """Return all vertices (n, 3). Those `beyond` the patch are moved by 45 % along their shortest edge to it."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
     used = beyond[i] & own_vertices[j]
     i, j = i[used], j[used]
@@ -80,7 +79,7 @@ def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_ver
 
 
 def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools, share: float) -> Floats:
-    """Return V (n, 3) with vertices `moves` moved by a share of the way to the mean of neighbours in `towards`."""
+    """Return V (n, 3) with vertices `moves` moved by `share` of the way to the mean of neighbours in `towards`."""
     count = neighbours @ towards.astype(float)
     rows = np.flatnonzero(moves & (count > 0))
     V = V.copy()
@@ -89,13 +88,13 @@ def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools
 
 
 THIN = 0.8  # Factor on the offsets at faces that meet, in each round.
-THINNEST = 0.3  # Least share of the input offset after thinning.
+THINNEST = 0.3  # Smallest fraction of the input offset after thinning.
 
 
 @dataclass(frozen=True, eq=False)
 class PrismUnion:
     """A closed mesh V (n, 3), F (m, 3), the pairs of its faces that still intersect (k, 2), and its number of pieces.
-    share  : (n',) remaining share of the input offset at each vertex of the sheet.
+    share  : (n',) remaining fraction of the input offset at each vertex of the sheet.
     places : number of separate lines along which the sheet crosses itself."""
 
     V: Floats
@@ -119,7 +118,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
     for round_ in range(30):
         inseparable = _stuck(meeting, around, label)
         clashes = np.unique(np.concatenate([clashes, np.sort(meeting[~inseparable], axis=1)]), axis=0)
-        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])  # round 0 thins no vertex
+        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])  # the first round thins no vertex
         thin = thin[share[thin] > THINNEST]
         share[thin] = np.maximum(THIN * share[thin], THINNEST)
         cut = _cut_patches(label, clashes, graph)
@@ -174,7 +173,7 @@ def _touching(F: Ints) -> Bools:
 
 
 def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
-    """Return patches (m,), cut halfway between clashing faces until none contains both; None beyond `patch_limit`."""
+    """Return patches (m,), cut halfway between clashing faces until they are separate; None above `patch_limit`."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:
@@ -205,8 +204,8 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 
 class _Part(NamedTuple):
-    """A closed mesh V (n, 3), F (m, 3), pairs `found` (k, 2) of sheet faces whose prisms meet, and a mask `around` (k,)
-    of the pairs with a common vertex."""
+    """A closed mesh V (n, 3), F (m, 3).
+    found : (k, 2) pairs of sheet faces whose prisms meet.    around : (k,) mask of the pairs with a common vertex."""
 
     V: Floats
     F: Ints
@@ -215,7 +214,7 @@ class _Part(NamedTuple):
 
 
 def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _Part:
-    """Return the closed mesh over the faces of a part; patches that touch in a vertex get separate copies of it."""
+    """Return the closed mesh over the faces of a part. Patches that touch in a vertex get separate copies of it."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

@@ -9,7 +9,7 @@ from dsfab.core.arrays import Floats, Ints, lock
 from dsfab.surface import edge_table, link_components
 from dsfab.thickening.solid import Solid
 
-INSIDE = 0.02  # Lines start near a corner, where tapering walls are thinnest, at this share of the way to the centre.
+INSIDE = 0.02  # Lines start near a face's corner, where walls are thinnest: fraction of the way to the face's centre.
 OPPOSED = float(np.cos(np.radians(20)))  # Faces at larger angles form an edge, not a wall.
 LARGE = 1e6  # Size of the scaled mesh, because libigl's rays miss triangles of less than about 1e-6 in area.
 FLAT = float(np.cos(1e-3))  # Neighbours that are parallel to a thousandth of a radian form one flat facet.
@@ -37,7 +37,7 @@ class Rays:
         self._tree.init(self._V, self._F)
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
-        """Return the first face (k,), or -1, that lines from points (k, 3) along unit vectors (k, 3) hit."""
+        """Return the first face (k,) that each line from points (k, 3) along unit vectors (k, 3) hits, or -1."""
         start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # the line starts inside the face
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 
@@ -53,7 +53,7 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Return the row of the least `size` (k,) for which the facets of both faces have no common point, or None."""
+        """Return the row with the smallest `size` (k,) whose faces are on facets without a common point, or None."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break
@@ -82,7 +82,7 @@ def thinnest_wall(solid: Solid) -> Wall | None:
     start = (1 - INSIDE) * V[corner] + INSIDE * V[F[face]].mean(axis=1)
     hit = Rays(V, F).first_hits(start, -N[face])
     opposed = (hit >= 0) & (-np.einsum("ki,ki->k", N[face], N[hit]) > OPPOSED)
-    depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])  # because libigl's own distance has only six digits
+    depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])  # libigl's own distance has only six digits
     thickness = np.where(opposed, depth, np.inf)
     k = Facets(F, N).nearest_separate_pair(thickness, face, hit)
     return None if k is None else Wall(float(thickness[k]), V[corner[k]])
@@ -98,7 +98,7 @@ def _largest_faces(V: Floats, F: Ints) -> Ints:
     area = np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1)
     order = np.argsort(area, kind="stable")
     largest = np.full(len(V), -1)
-    for corner in F[order].T:  # at equal indices numpy keeps the last, largest face
+    for corner in F[order].T:  # if indices repeat, numpy keeps the last face, which is the largest
         current = largest[corner]
         better = (current < 0) | (area[np.maximum(current, 0)] <= area[order])
         largest[corner[better]] = order[better]

@@ -114,7 +114,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
     left_start = int((y > y.max() / 2).argmax())
     right_edge, left_edge = (places[:left_start], y[:left_start]), (places[left_start:][::-1], y[left_start:][::-1])
     chains = [_with_ends(right_edge, left_edge), _with_ends(left_edge, right_edge)]
-    # the sides of a slot lean by 1e-7 m, so that the plank has a single depth at each place along it
+    # slot sides slope by 1e-7 m, so that the plank has one depth at each place
     steps = [np.maximum.accumulate(x) + 1e-7 * np.arange(len(x)) for x, _ in chains]
     every = np.unique(np.concatenate([*steps, along]))
     sides = [np.interp(every, x, side) for x, (_, side) in zip(steps, chains, strict=True)]
@@ -129,7 +129,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
 
 
 def _with_ends(edge: tuple[Floats, Floats], opposite: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return an edge (lengths, distances to the left), extended at oblique cuts to the ends of the opposite edge."""
+    """Return an edge (arc lengths, distances to the left), extended at oblique cuts to the opposite edge's ends."""
     (places, y), (opposite_places, z) = edge, opposite
     before, after = int(opposite_places[0] < places[0]), len(z) - int(opposite_places[-1] > places[-1])
     lengths = np.concatenate([opposite_places[:before], places, opposite_places[after:]])
@@ -154,7 +154,7 @@ def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
     """Return the built members of a plan, in the order of the design's shapes (m).
     shapes : as in `dsfab.design.output`: vertices of the upper skin, then of the lower skin.
-    shift  : height of the middle between both skins over the surface, in half thicknesses.
+    shift  : height of the skins' middle above the surface, in half thicknesses.
     Strips, planks and cover plates are bent back from flat parts. Plates have the stock's thickness, bars no mitres."""
     if plan.bars:
         return _bar_shapes(plan.bars, shapes, shift)

@@ -25,8 +25,8 @@ from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import splice_cuts, strip_fits
 from dsfab.workshop.strips import HOLE_FIT, StripLimits, bending_strain, is_strip, letter_height
 
-CREASE_STRAIN = 0.01  # rule of thumb: greyboard creases at a bending radius of 50 thicknesses; thin card bears more
-NARROWEST = 0.002  # least width of card strips (m); a laser tears narrower strips at holes and burns through them
+CREASE_STRAIN = 0.01  # rule of thumb: greyboard creases at a bending radius of 50 thicknesses; thin card can bend more
+NARROWEST = 0.002  # smallest width of card strips (m); narrower strips tear at holes, and a laser burns through them
 MODEL_LETTERS = (0.003, 0.002)  # largest heights of part names and of node names (m)
 
 
@@ -53,7 +53,8 @@ def _scaled_member(member: Member, scale: float) -> Member:
 
 
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
-    """Return notes on a graph at model size with pins of a diameter `bolt` (m): bends, narrow members, coarse mesh."""
+    """Return notes on bends, narrow members and a coarse mesh of a graph at model size. bolt : diameter of the pins
+    (m)."""
     notes = []
     card = f"card of {length(limits.thickness)}"
     bending_text = f"{card} bends to a strain of {limits.bending:.2%} ({limits.member} most)"
@@ -75,7 +76,7 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
             f"({narrow[0].id} is {length(least)}): build at 1:{larger:g} or larger, or make members "
             f"{length(NARROWEST * scale)} wide, see [pattern.width]"
         )
-    fit = 1e-4  # metres: allowed error of the length between two pins, because of a coarse mesh
+    fit = 1e-4  # metres: largest error of the length between two pins that a coarse mesh may cause
     wanted_edge = limits.wanted_edge * np.sqrt(fit / HOLE_FIT) * scale if bolt else np.inf
     if limits.edge * scale > 1.05 * wanted_edge:
         notes.append(
@@ -106,10 +107,10 @@ def _rounded_scale(limit: float) -> float:
     return max((scale for scale in usual if scale <= limit), default=float(np.floor(10 * limit) / 10))
 
 
-THROUGH_ORDER = ("keep", "rim", "major", "minor")  # where two families cross, the first of them is continuous
-ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and at its tip, over the width of its panel
-TAB_GAP_SHARE = 0.15  # distance of a tab from the axis of the member above, over half its width; tabs stay apart
-SHARP_SINE = float(np.sin(np.radians(25.0)))  # members that meet at sharper angles are glued on each other, not cut
+THROUGH_ORDER = ("keep", "rim", "major", "minor")  # where two families cross, the family named first here is continuous
+ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and at its tip, in panel widths
+TAB_GAP_SHARE = 0.15  # distance of a tab from the axis of the member above, in half widths of this member
+SHARP_SINE = float(np.sin(np.radians(25.0)))  # members that cross at sharper angles are glued on each other, not cut
 
 
 @dataclass
@@ -152,7 +153,7 @@ class _CrossingEdge:
         lock(self, "way", np.float64, (2,))
 
     def stations(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) at which lines y (q,) beside the axis are `away` metres from the crossing axis."""
+        """Return arc lengths (q,) of places y (q,) metres beside the axis, `away` metres from the crossing axis."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 
@@ -310,7 +311,7 @@ class _MemberPanels:
         return FlatPart(name, self.member.id, span, outline, (), (), tuple(marks), 0.0, strain, axis).along_x()
 
     def _ticks(self, layer: Development, span: tuple[float, float], under: Sequence[_CrossingEdge]) -> list[Floats]:
-        ticks, share = list[Floats](), 0.25  # share: length of a tick over the width
+        ticks, share = list[Floats](), 0.25  # share: length of a tick divided by the width
         for edge in under:
             right_width, left_width = self._sides(edge.s)
             right = np.array([-right_width, -right_width + 2 * share * right_width])

@@ -1,6 +1,6 @@
 """Development of members: axes with their edges, and strips developed into the plane.
 
-A curve P + h N lies at a height h along the normals N of the axis. Its lengths, its turn phi against the axis, and its
+A curve P + h N lies at a height h along the normals N of the axis. Its lengths, its angle phi to the axis, and its
 bending kg_h in the surface are
     ds_h = sqrt((1 - h kn)^2 + (h tg)^2) ds      phi = atan2(-h tg, 1 - h kn)      kg_h = (kg + phi') ds / ds_h
 The formulas follow from N' = -kn T - tg B (Darboux frame). With lengths of the middle surface in place of ds_h, strips
@@ -17,14 +17,14 @@ from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph
 
 PARALLEL_SHARE = 0.05  # relative change of width up to which edges count as parallel
-OBLIQUE_WIDTHS = 1.5  # length at each end of a member, over its width, in which oblique cuts change the width
+OBLIQUE_WIDTHS = 1.5  # length at each end of a member in which oblique cuts change the width, in widths
 EXTENSION_STATIONS = 16  # number of stations beyond each end of an axis
 
 
 @dataclass(frozen=True, eq=False)
 class StripCourse:
     """Stations along an axis and a little beyond its ends, in metres and 1/m as in `MemberAxis`.
-    s     : (k,) arc length; on a closed axis, stations go round more than once.
+    s     : (k,) arc length; a closed axis has stations for more than one round.
     P, T, N : (k, 3) points, tangents, normals.    kg, kn, tg : (k,) curvatures and torsion.
     left, right : (k,) distances from the axis to the edges of the member (m).
     begin, end : arc lengths of the built part.    closed : whether both ends are at the same place."""
@@ -64,7 +64,7 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def repeated_stations(self, s: Floats) -> Floats:
-        """Return the arc lengths s (q,); on a closed course (3 q,), also those one round before and after."""
+        """Return the arc lengths s (q,); on a closed course (3 q,), also the arc lengths one round before and after."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
@@ -103,12 +103,12 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
 
 
 def turns_within_its_width(member: Member) -> Bools:
-    """Return a mask (k,) of the stations at which the centre of the axis's curvature is within the width, or almost."""
+    """Return a mask (k,) of the stations at which the axis's radius in the surface is about half the width or less."""
     return np.asarray(np.abs(member.curve.kg) * member.width / 2 >= 0.9)
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the arc lengths of a member without ends that curl up. Such ends remain where a sharp turn was divided."""
+    """Return the arc lengths of a member without ends that curl up. Such ends remain where a sharp bend was divided."""
     axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:
@@ -120,8 +120,9 @@ def uncurled_span(member: Member) -> tuple[float, float]:
 
 
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
-    """Return distances (k,) to the left and to the right edge (m), from noisy sides (k, 2) that were cut on a mesh.
-    Edges become parallel to the axis if they deviate from it by noise only; the remaining edges are smoothed."""
+    """Return smooth distances (k,) to the left and to the right edge (m). `sides` (k, 2) are these distances as cut on
+    a mesh. Edges become parallel to the axis if they deviate from it by noise only; the remaining edges are smoothed.
+    """
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
@@ -258,7 +259,7 @@ class Development:
         """Return the outline (k, 2) between two arc lengths, counter-clockwise from the right edge at the beginning."""
         s = self.stations(begin, end)
         left_edge, right_edge = (np.interp(s, self.course.s, side) for side in (self.course.left, self.course.right))
-        x, angle = self.middle_line_at(s)  # computed once for both edges, because this takes time
+        x, angle = self.middle_line_at(s)  # computed once for both edges, to save time
         across = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
         return np.concatenate([x - right_edge[:, None] * across, (x + left_edge[:, None] * across)[::-1]])
 

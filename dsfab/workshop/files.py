@@ -27,7 +27,7 @@ from dsfab.workshop.parts import FlatPart, strokes
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.stock import stock_cost
 
-TITLE, SMALL_TITLE = 0.06, 0.06  # largest height of a sheet's title (m), and over the sheet's width
+TITLE, SMALL_TITLE = 0.06, 0.06  # largest height of a sheet's title: in metres, and in sheet widths
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:
@@ -67,7 +67,7 @@ def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
 def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
     """Return the drawing of all sheets of a plan in rows from left to right, each sheet below its number."""
     lines, circles = list[FlatLine](), list[FlatCircle]()
-    pitch = 1.15  # distance from sheet to sheet, over the size of the largest sheet
+    pitch = 1.15  # distance from sheet to sheet, in sizes of the largest sheet
     wide = max(sheet.size[0] for sheet in plan.sheets) * pitch
     high = max(sheet.size[1] for sheet in plan.sheets) * pitch
     across = max(1, round(np.sqrt(len(plan.sheets) * high / wide)))
@@ -155,7 +155,7 @@ def stock_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def nest_table(plan: WorkshopPlan) -> PlanTable:
-    """Return a row for each part on its sheet: the lower left corner of the part's box, and its turn."""
+    """Return a row for each part on its sheet: the lower left corner of the part's box, and its rotation."""
     head = ("sheet", "sheet_length_mm", "sheet_width_mm", "sheet_used", "part", "x_mm", "y_mm", "turned_deg")
     rows = []
     for k, s in enumerate(plan.sheets, 1):

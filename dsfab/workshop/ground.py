@@ -77,7 +77,8 @@ class BasePlane:
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
     def support_height(self, point: Floats, width: float) -> float | None:
-        """Return the height over the plate (m) of the support nearest to a strip's end (3,); None if none is near."""
+        """Return the height above the plate (m) of the support nearest to a strip's end (3,); None without such a
+        support."""
         distance, k = cKDTree(self.supports).query(point)
         is_near = float(distance) < self.reach + width
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
@@ -151,7 +152,7 @@ class BasePlane:
         for side, rise in ((course.left, slope), (course.right, -slope)):
             falls = rise < -1e-9
             limit = np.where(falls, above / np.where(falls, -rise, 1.0), np.inf)
-            least = 0.2 * (course.left + course.right) - side  # a fifth of the width remains
+            least = 0.2 * (course.left + course.right) - side  # at least a fifth of the width remains
             sides.append(np.where(above + rise * side < 0, np.clip(limit, least, side), side))
         return replace(course, left=sides[0], right=sides[1])
 
@@ -213,7 +214,7 @@ def base_parts(
 
 
 def clipped_polygon(P: Floats, box: Floats) -> Floats:
-    """Return the part (k, 2) of a convex polygon (q, 2) in a box, low and high corner (2, 2)."""
+    """Return the part (k, 2) of a convex polygon (q, 2) in a box with its low and its high corner, (2, 2)."""
     for axis, side in product((0, 1), (0, 1)):
         sign = -1 if side == 0 else 1
         P = half_plane_clip(P, sign * np.eye(2)[axis], sign * box[side, axis])

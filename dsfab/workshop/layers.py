@@ -17,13 +17,13 @@ from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS
 
 FAMILIES_BELOW = ("rim", "keep")
 """Families that cross both families of stripes and have layers of their own, below all layers of stripes."""
-END_DISTANCE = 3.0  # distance from a bolt to the end of a part, over the bolt diameter
-BOLT_PITCH = 4.0  # distance between bolts of a splice, over the bolt diameter
+END_DISTANCE = 3.0  # distance from a bolt to the end of a part, in bolt diameters
+BOLT_PITCH = 4.0  # distance between bolts of a splice, in bolt diameters
 
 
 @dataclass(frozen=True)
 class Layering:
-    """Layers of a thickness (m), counted downwards from the top, to which normals point; bolts of a diameter (m).
+    """Layers of one thickness (m), counted against the surface normals; bolts of one diameter (m).
 
     major  ═══════════════     0      numbers for two layers; with four layers both families alternate
     minor  ─┤ ├─── ┤ ├────     1
@@ -78,7 +78,7 @@ class Layering:
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
         """Return places (along, left) of a splice's bolts (m), in one row or two."""
         row = round(width / 4 / self.alike) * self.alike if self.alike else width / 4
-        rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)  # two rows need wide parts
+        rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)  # only wide parts have two rows
         along = (END_DISTANCE * self.bolt, (END_DISTANCE + BOLT_PITCH) * self.bolt)
         return tuple((side * x, y) for side in (-1, 1) for x in along for y in rows)
 
@@ -106,7 +106,7 @@ class _StripEnd:
         return self.name != rival.name and bool(np.linalg.norm(self.places[0] - rival.places[0]) < width)
 
     def clear_station(self, rival: "_StripEnd") -> float | None:
-        """Return the arc length from which the strip is clear of a rival strip; None if the two do not overlap."""
+        """Return the arc length from which the strip is clear of a rival strip; None if the strips do not overlap."""
         least = 0.98 * (self.width + rival.width) / 2
         away = np.asarray(cKDTree(rival.places).query(self.places)[0])
         is_far = np.linalg.norm(rival.places[0] - self.places[0]) > least

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import compas.geometry
 
 GLYPH_HEIGHT, GLYPH_WIDTH, GLYPH_GAP = 6, 4, 2
-SMALL_LETTER_SHARE = 0.7  # height of small letters over that of capitals
+SMALL_LETTER_SHARE = 0.7  # height of small letters divided by the height of capitals
 GLYPHS = {
     "A": "00 26 40|12 32", "B": "00 06 36 45 34 03|33 42 41 30 00", "C": "45 36 16 05 01 10 30 41",
     "D": "00 06 26 44 42 20 00", "E": "46 06 00 40|03 33", "F": "46 06 00|03 33", "G": "45 36 16 05 01 10 30 41 43 23",
@@ -153,7 +153,7 @@ class FlatPart:
         }
 
     def moved_by(self, turn: float, shift: Floats) -> "FlatPart":
-        """Return the part turned by an angle (radians), then shifted by (2,) metres."""
+        """Return the part rotated by an angle (radians), then shifted by (2,) metres."""
         R = rotation_matrix(turn)
         part = replace(
             self,
@@ -185,7 +185,7 @@ def _without_straight_corners(P: Floats) -> Floats:
 
 
 def rotation_matrix(angle: float) -> Floats:
-    """Return the matrix (2, 2) that turns rows of points (k, 2) by an angle (radians)."""
+    """Return the matrix (2, 2) that rotates rows of points (k, 2) by an angle (radians)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [-s, c]])
 
@@ -228,9 +228,9 @@ def _same_points(points_a: Floats, points_b: Floats) -> bool:
 
 
 def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[FlatPart]:
-    """Return parts along x; each takes the shape of the first earlier part that is near enough, and keeps its names.
-    distance : largest distance between two outlines (m).    fit : largest distance between matching holes (m).
-    Parts may be turned by half a turn, but not mirrored, because their engraved face lies outside."""
+    """Return parts along x; each takes the shape of the first earlier part that is nearly equal, and keeps its names.
+    Parts may be rotated by 180 degrees, but not mirrored, because their engraved face lies outside.
+    distance : largest distance between two outlines (m).    fit : largest distance between matching holes (m)."""
     first_parts = dict[tuple[int, float], list[FlatPart]]()
     result = list[FlatPart]()
     for part in parts:
@@ -245,7 +245,7 @@ def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[
 
 
 def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fit: float) -> FlatPart | None:
-    """Return a part with the shape of `model`, after half a turn if `turn` is -1; None if they are not near enough."""
+    """Return a part with the shape of `model`, after half a turn if `turn` is -1; None if they are not nearly equal."""
     if (np.abs(model.size - part.size) > 2 * distance).any() or bool(len(model.axis)) != bool(len(part.axis)):
         return None
     holes, model_holes = part.features[1], turn * model.features[1]
@@ -256,7 +256,7 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
         return None
     if _outline_distance(turn * model.outline, part.outline + shift) > distance:
         return None
-    # an outline with an axis has its right edge first, so half a turn begins with the other edge
+    # the right edge comes first; after half a turn this is the former left edge
     outline = model.outline if turn == 1 else -np.roll(model.outline, len(model.axis), axis=0)
     drilled = tuple(replace(hole, at=model_holes[k]) for hole, k in zip(part.holes, order, strict=True))
     marks = tuple(mark + shift for mark in part.marks)
@@ -264,7 +264,7 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
 
 
 def _outline_distance(P: Floats, Q: Floats) -> float:
-    """Return the largest distance (m) of the corners of a closed outline, (k, 2) or (l, 2), from the other outline."""
+    """Return the largest distance (m) from a corner of either closed outline, (k, 2) or (l, 2), to the other one."""
     return max(float(distances_from_outline(*pair).max()) for pair in ((P, Q), (Q, P)))
 
 

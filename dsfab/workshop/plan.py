@@ -108,7 +108,7 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
     if not widths:
         raise PatternError("no member of this design is long enough for a plank; build it as one piece")
     thickness, depth = options.thickness or statics.thickness, options.depth or float(np.median(widths))
-    slenderness = 1.5  # least depth of an upright plank over its thickness
+    slenderness = 1.5  # smallest ratio of an upright plank's depth to its thickness
     if depth < slenderness * thickness:
         raise PatternError(
             f"planks {length(depth)} deep of boards {length(thickness)} thick do not stand upright: set "
@@ -124,7 +124,7 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
 
 def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
     """Return the largest part size (m) for each stock sheet. Raises PatternError if gaps leave no room."""
-    slack = 5e-4  # metres: parts may be turned slightly on their drawings
+    slack = 5e-4  # metres: parts may be slightly rotated on their drawings
     room = [(a - 2 * options.gap - slack, b - 2 * options.gap - slack) for a, b in options.stock]
     if min(min(size) for size in room) <= 0:
         raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
@@ -202,7 +202,7 @@ JOINT_SENTENCES = {
 }
 """Second half of the sentence on the pieces of a flat sheet, by their joint."""
 TAB_CLEARANCE = 1e-4  # clearance between a tab and its slot in the base plate of a model, on each side (m)
-TABS_LENGTH = 4.0  # largest length that the two tabs of a strip add to its length, over the strip's thickness
+TABS_LENGTH = 4.0  # largest length that two tabs add to a strip, in strip thicknesses
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,8 +318,8 @@ MOST_FACES = 250_000  # largest number of faces of a cut sheet refined for drill
 
 def drilling_members(design: Design) -> tuple[MemberGraph, float]:
     """Return the members of a design on a mesh that is fine enough for drilling, and the edge of that mesh (m).
-    If the design's edges exceed `drilling_edge`, the points of the cut sheet move to the smooth surface, and each
-    triangle is divided into four, once or several times. The pattern and the names of members stay."""
+    If the design's edges exceed `drilling_edge`, each triangle is divided into four, once or several times. The points
+    of the cut sheet move to the smooth surface. The pattern and the names of members stay."""
 
     def members() -> tuple[MemberGraph, float]:
         graph, sheet, edge = design.members, design.sheet, design.surface.mean_edge

@@ -33,7 +33,7 @@ from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, is_strip
 
 
 def is_plate(member: Member) -> bool:
-    """Return whether a member is built as a plate; strips are not plates, and fills are not built."""
+    """Return whether a member is built as a plate: it is not a strip, and not a fill, which is not built."""
     return member.kind != "fill" and not is_strip(member)
 
 
@@ -125,15 +125,15 @@ class FlattenedMesh:
         return np.asarray((weights_at(projection.place, self.V, face) @ self.U[face[0]])[0])
 
 
-FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length of a finger, and approximate width of a finger, over the thickness
+FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length and approximate width of a finger, in sheet thicknesses
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Rounds in which small bits go to a neighbouring piece, and the largest area of such a bit, in fingers."""
-LINE_TOLERANCE = 1e-9  # largest distance between a mesh edge and its dividing line, over the sheet's size
+"""Number of rounds in which small bits go to a neighbouring piece. Bits are small up to this area, in fingers."""
+LINE_TOLERANCE = 1e-9  # largest distance between a mesh edge and its dividing line, in sheet sizes
 
 
 @dataclass(frozen=True)
 class SheetJoint:
-    """Joint between pieces of a sheet of a thickness (m): "fingers", "scarf", or "butt" for straight cuts."""
+    """Joint of the pieces of a sheet: "fingers", "scarf", or "butt" for straight cuts. thickness : of the sheet (m)."""
 
     kind: str = "butt"
     thickness: float = 0.0
@@ -167,8 +167,7 @@ class SheetParts:
 def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJoint = SheetJoint()) -> SheetParts:
     """Cut a flat sheet into as few rectangles as possible; each rectangle fits into one of `room` (m). Disconnected
     pieces of a rectangle become separate parts; openings become slots. With fingers, all pieces together are the sheet;
-    with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with their joints, are too long
-    for the stock."""
+    with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with joints, are too long."""
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0
@@ -203,7 +202,7 @@ def _rectangles(level: Surface, room: list[tuple[float, float]], joint: SheetJoi
 
 @dataclass(frozen=True, eq=False)
 class _SheetGrid:
-    """Equal rectangles of a sheet of a size (2,) in metres, with their joints."""
+    """Equal rectangles of a sheet with their joints. size : (2,) of the sheet (m)."""
 
     size: Floats
     counts: tuple[int, int]

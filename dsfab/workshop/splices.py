@@ -11,7 +11,7 @@ from dsfab.core.messages import length
 from dsfab.workshop.development import Development
 from dsfab.workshop.parts import label, polygon_area
 
-SCARF_SLOPE = 8.0  # overlap of a scarf joint over the thickness; a bevel of 1 to 8 is usual for plywood and boards
+SCARF_SLOPE = 8.0  # overlap of a scarf joint, in thicknesses; a bevel of 1 to 8 is usual for plywood and boards
 BEVEL_TEXTS = ("BEVEL", "BEVEL BACK")  # engraved texts for a bevel on the engraved face, and for a bevel on the back
 
 

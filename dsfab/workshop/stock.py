@@ -61,8 +61,8 @@ def money(amount: float) -> str:
     return f"{amount:,.2f}".removesuffix(".00")
 
 
-NARROWING_SHARES = (0.95, 0.9)  # shares of the strips' width that trial nests use, the largest first
-LEAST_SAVING = 0.04  # smallest saving that is worth a hint, as a share of the sheets or of their area
+NARROWING_SHARES = (0.95, 0.9)  # narrower strips of the trial nests, as fractions of the width, widest first
+LEAST_SAVING = 0.04  # smallest saving that is worth a hint, as a fraction of the sheets or of their area
 StockSizes = Sequence[tuple[float, float]]
 
 

@@ -17,8 +17,8 @@ from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import SCARF_SLOPE, Cuts, lap_marks, lapped_span, splice_cuts, strip_fits
 
 STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # kinds of members that are built as strips
-HOLE_EDGE_DISTANCE = 1.0  # least distance from the middle of a hole to the edges of its part, over the bolt diameter
-LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters below this height (m) may fill this share of a part's width
+HOLE_EDGE_DISTANCE = 1.0  # least distance from the middle of a hole to the edges of its part, in bolt diameters
+LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters below this height (m) may fill this fraction of a part's width
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class StripParts:
 
 
 def is_strip(member: Member) -> bool:
-    """Return whether a member is a strip: its axis never turns within the member's width, except at curled ends."""
+    """Return whether a member is a strip: its radius in the surface exceeds half its width, except at curled ends."""
     if member.axis is None or member.kind not in STRIP_KINDS:
         return False
     begin, end = uncurled_span(member)
@@ -168,7 +168,7 @@ class _StripLayer:
         course, height = self.course, self.layering.cover_height(self.member.family, self.number)
         kg, kn = (float(np.interp(joint, course.s, values)) for values in (course.kg, course.kn))
         for x, y in self.layering.splice_bolts(float(course.width(np.array([joint]))[0])):
-            if self.layering.alike:  # straight rows on the flat cover, at its height over the surface
+            if self.layering.alike:  # rows of bolts are straight on the flat cover plate
                 x, y = x / (1 - height * kn), y - kg * x**2 / 2
             P, T, N = (row[0] for row in course.frame_at(np.array([joint + x])))
             yield StripBolt(f"{self.name}.c{number}", P + y * np.cross(N, T), N, joint + x)
@@ -232,7 +232,7 @@ class _StripLayer:
 
 
 def letter_height(width: float, limit: float) -> float:
-    """Return the height of letters (m) on a part of a width (m), at most `limit`."""
+    """Return the height of letters (m), at most `limit`, on a part with a width (m)."""
     return min(limit, max(0.3 * width, min(LEGIBLE_HEIGHT, TALL_LETTER_SHARE * width)))
 
 
@@ -242,13 +242,14 @@ def _is_clear(place: float, text_size: float, taken: list[tuple[float, float]], 
 
 
 def bending_strain(course: StripCourse, span: tuple[float, float], thickness: float) -> float:
-    """Return the largest strain t |kn| / 2 of a layer of a thickness t (m) that is bent along a course over a span."""
+    """Return the largest strain t |kn| / 2 of a layer (thickness t in metres) that is bent along a course over a
+    span."""
     inside = (course.s >= span[0]) & (course.s <= span[1])
     bend = np.abs(course.kn[inside]).max() if inside.any() else np.abs(np.interp(sum(span) / 2, course.s, course.kn))
     return float(thickness * bend / 2)
 
 
-UNCERTAIN_WIDTHS = 1.5  # length at each end of a member, over its width, in which the fitted curvature is uncertain
+UNCERTAIN_WIDTHS = 1.5  # length at each end of a member in which the fitted curvature is uncertain, in widths
 HOLE_FIT = 5e-4
 """Largest error (m) of a length between holes. A hole may be a millimetre larger than its bolt [EN 1995-1-1, 10.4.3],
 and two parts meet at a bolt."""
@@ -304,9 +305,9 @@ class StripLimits:
 
 
 def drilling_edge(graph: MemberGraph) -> float:
-    """Return the largest edge (m) of a mesh whose flat faces change usual bays by at most `HOLE_FIT`; infinite without
-    bending. Edges e change a bay L with curvature k by about L (e k)^2 / 8 at most. Compared with a
-    smooth surface, bays of a dome differed by 0.3 mm (by the formula 0.3 mm), and of a tower by 17 mm (26 mm)."""
+    """Return the largest edge (m) of a mesh whose flat faces change the length of usual bays by at most `HOLE_FIT`;
+    infinite without bending. Edges e change a bay L with curvature k by at most about L (e k)^2 / 8. Bays of a dome
+    differed by 0.3 mm from a smooth surface (by the formula 0.3 mm), and of a tower by 17 mm (26 mm)."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
     bend = float(np.quantile(np.concatenate(bends), 0.95)) if bends else 0.0  # ignores rare peaks
@@ -325,7 +326,7 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
         bends.append(float(np.abs(member.curve.kn[calm]).max(initial=0.0)))
         nearest = np.asarray(tree.query(member.curve.P[calm])[1])
         shapes.append(float(np.median(np.abs(K[nearest]))) * member.mean_width**2 / 12 if len(nearest) else 0.0)
-    worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # takes the first of several equal bends
+    worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # the first of several equal bends
     name = strips[worst - 1].id if worst else "none"
     return StripLimits(thickness, thickness * max(bends) / 2, name, max(shapes), limit, edge, drilling_edge(graph))
 

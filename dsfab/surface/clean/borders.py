@@ -8,11 +8,11 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, le
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 RAGGED_TURN = float(np.radians(35))
-"""Least turn of a ragged border at a vertex, in radians, measured in the surface. A finely divided border turns less,
-except at intended corners."""
+"""Smallest change of direction at a vertex of a ragged border, in radians, measured in the surface. Finely divided
+borders have smaller changes."""
 LEAST_TURNS = 12
-"""Least number of successive alternating turns in a ragged border. Fewer turns may be intended: a door has four
-corners, and an opening in a 5 m roof may have fifteen edges. Straightening such an opening made a STEP file fail."""
+"""A ragged border turns left and right alternately at least this many times. Fewer turns may be intended: a door has
+four corners, and an opening in a 5 m roof may have fifteen. Straightening this opening made a STEP file fail."""
 LARGEST_GAP = 3  # Largest number of edges between two turns of a ragged border; intended teeth are longer.
 FLAT = float(np.radians(150))
 """Largest angle of a face on a straightened border, in radians. Faces with larger angles are removed."""
@@ -30,8 +30,8 @@ class EvenEdges:
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
     """Return the mesh V (n, 3), F (m, 3) with straightened borders; unchanged if an edge has more than two faces. A
-    ragged border turns left and right alternately by over `RAGGED_TURN`. It has at least `LEAST_TURNS` such turns, with
-    at most `LARGEST_GAP` edges between them. A border stays if a vertex would move by over a mean edge."""
+    ragged border turns left and right alternately, at least `LEAST_TURNS` times, by more than `RAGGED_TURN`. At most
+    `LARGEST_GAP` edges lie between two turns. A border stays if a vertex would move by over a mean edge."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -55,7 +55,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
 
 
 def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
-    """Return the turn (n,) of the border at its vertices, radians, positive at convex corners; 0 elsewhere."""
+    """Return the border's change of direction (n,) at its vertices, radians, positive at convex corners; else 0."""
     inside = np.bincount(F.ravel(), face_angles(V, F).ravel(), minlength=len(V))
     at_edge = np.zeros(len(V), dtype=bool)
     at_edge[edges.ends[edges.boundary].ravel()] = True
@@ -63,7 +63,8 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Return the indices (k,) of each ragged part of a loop with turns (j,), and whether the part is the whole loop."""
+    """Return the indices (k,) of each ragged part of a closed border, and whether the part is the whole border.
+    turn : (j,) change of direction at each vertex of the border, radians."""
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:
         return []
@@ -84,7 +85,7 @@ def _alternates(turn: Floats) -> bool:
 
 
 def _smoothed_line(P: Floats, closed: bool) -> Floats:
-    """Shrink and swell a line (k, 3) alternately, which preserves its ends and the radius of arcs [Taubin 1995]."""
+    """Smooth a line (k, 3) by alternate shrinking and swelling. Its ends and the radius of arcs stay [Taubin 1995]."""
     for k in range(20):
         step = (-0.53 if k % 2 else 0.5) * ((np.roll(P, 1, axis=0) + np.roll(P, -1, axis=0)) / 2 - P)
         if not closed:

@@ -27,7 +27,7 @@ from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_compo
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
     """Return which pairs (p,) of coincident vertices, (p, 2), lie where two sheets of faces F (m, 3) cross. Both
-    vertices of such a pair are inside their sheets. At an end of the crossing, both may be on borders."""
+    vertices of such a pair are inside their sheets. At an end of the crossing line, both may be on borders."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -43,8 +43,8 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Return the vertices (n,) of faces that coincide if each vertex k becomes vertex `became[k]`, (n,). The two
-    divisions of a quad by its two diagonals also coincide."""
+    """Return the vertices (n,) of faces that coincide after each vertex k is replaced by `became[k]`, (n,). Two copies
+    of a quad also coincide if they are cut into triangles by different diagonals."""
     faces = became[F]
     _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
@@ -57,7 +57,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Return the pairs (p,) at the ends of crossings: one edge (e, 2) away from a crossing pair on both sheets."""
+    """Return the pairs (p,) at the ends of crossings: on both sheets, an edge (e, 2) joins them to a crossing pair."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -93,10 +93,10 @@ class OverlappingFaces:
 def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
     """Return the faces of the mesh V (n, 3), F (m, 3) that lie on other faces in the same plane.
 
-    Planes are the same within `WELD` times the largest side of the mesh. The two divisions of a quad by its two
-    diagonals also overlap if the quad is flat within `SAG`. The faces that remain are joined along edges, so that they
-    form one sheet. An overlap counts if it contains one of the seven `SAMPLES` of a face. Method: rays along the
-    normals, with a tree of boxes [Jacobson et al. 2018, libigl]."""
+    Two planes count as one within `WELD` times the mesh's largest dimension. Two copies of a quad that are cut by
+    different diagonals also overlap if the quad is flat within `SAG`. The faces that remain are joined along edges, so
+    that they form one sheet. An overlap counts if it contains one of the seven `SAMPLES` of a face. Method: rays along
+    the normals, with a tree of boxes [Jacobson et al. 2018, libigl]."""
     edges = edge_table(F)
     rim, side = np.nonzero(edges.boundary[edges.of])
     m, (low, high) = len(F), bounding_box(V, F)
@@ -122,7 +122,7 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
     """Return rows (k, 3): a face, one of its samples, and another face in the same plane that covers the sample.
-    tree : boxes of the mesh V (n, 3), of size 1, F (m, 3).    faces, samples : (r,) faces, and indices of `SAMPLES`."""
+    tree : bounding boxes of F (m, 3), with V (n, 3) of size 1.    faces, samples : (r,) faces, rows of `SAMPLES`."""
     P = V[F]
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
@@ -145,7 +145,7 @@ def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> I
 
 
 def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
-    """Return which pairs (p,) of faces belong to one quad that faces of F (m, 3) divide by both diagonals."""
+    """Return which pairs (p,) of faces belong to two copies of a quad, which F (m, 3) cuts by different diagonals."""
     is_equal = F[face][:, :, None] == F[cover][:, None, :]
     is_shared, is_shared_there = is_equal.any(axis=2), is_equal.any(axis=1)
     result: Bools = (is_shared.sum(axis=1) == 2) & (is_shared_there.sum(axis=1) == 2)
@@ -160,7 +160,7 @@ def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
 
 
 def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
-    """Select faces (m,) of which none covers another: faces without overlap, then neighbours among overlapping faces.
+    """Select faces (m,) that do not cover each other: faces without overlap, then neighbours among overlapping faces.
     Faces with shorter edges come first, so that the order of the faces does not matter."""
     overlaps, chosen = dict[int, set[int]](), list[int]()
     for face, cover in np.stack(np.divmod(distinct(covers[:, 0] * len(F) + covers[:, 2]), len(F)), axis=1).tolist():
@@ -186,8 +186,8 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Return which of the faces (k,) must stay, because a remaining face that does not cover them would get a free
-    edge. Faces with a common edge stay or go together."""
+    """Return which of the faces (k,) must stay. A face must stay if its removal would open an edge of a remaining face
+    that does not cover it. Faces with a common edge stay or go together."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
     remaining[edges.of[remaining_faces]] = remaining_faces[:, None]
@@ -207,10 +207,10 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
     return np.asarray(covered_samples == len(SAMPLES))
 
 
-COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, over the square root of the sheet's area.
-PARALLEL_GAP = 0.08  # Largest distance between parallel sheets or faces of a slab, over the square root of their area.
-LEAST_AREA_RATIO = 0.8  # Least ratio of the areas of the two faces of a slab, or of two parallel sheets.
-IGNORED_SHARE = 0.1  # Share of the area with the smallest and the largest distances, which belong to sides of a slab.
+COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of the sheet's area.
+PARALLEL_GAP = 0.08  # Largest distance of parallel sheets or slab faces, divided by the square root of their area.
+LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of a slab's two faces, or of two parallel sheets; at most 1.
+IGNORED_SHARE = 0.1  # The smallest and the largest distances, each on this fraction of the area, are ignored.
 
 _REMARKS = {
     "copy": "the surface has a second sheet {} from the first, probably a copy; delete one of them, or set "
@@ -233,7 +233,7 @@ class ParallelParts:
             else the first part in the file.
     other : (l,) faces of the other part.
     gap   : median distance between the parts, in the mesh's unit.
-    kind  : "copy", a sheet twice at one place; "slab", the two faces of a solid; "apart", two separate sheets.
+    kind  : "copy", two copies of a sheet at one place; "slab", the two faces of a solid; "apart", two separate sheets.
     piece : (p,) all faces of the slab; empty for other kinds.
     way   : (3,) translation from `keep` to `other` in an extruded slab; else empty, (0,)."""
 
@@ -297,9 +297,9 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if none does. An
-    extruded slab is thinner where it is steep, so its thickness is not the translation. Method: registration of scans
-    [Chen and Medioni 1992]. Each round removes the remaining distance along the normals of the faces."""
+    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if none does. The
+    length of the translation is not the slab's thickness, because an extruded slab is thinner where it is steep. Each
+    round of the method removes the remaining distance along the normals [Chen and Medioni 1992]."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -351,7 +351,7 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
     """Return the median distance between two parts, faces (k, 3) and (l, 3); None if they are not parallel.
-    even : true to require a nearly constant distance."""
+    even : true to accept only a nearly constant distance."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])

@@ -32,8 +32,8 @@ from dsfab.surface.topology import (
     pinches,
 )
 
-CRUMB = 0.01  # The repair drops loose pieces below this share of the mesh's area.
-PINHOLE = 1e-3  # The repair closes a hole whose outline is shorter than this share of the mesh's largest side.
+CRUMB = 0.01  # The repair removes loose pieces smaller than this fraction of the mesh's area.
+PINHOLE = 1e-3  # The repair closes a hole whose outline is shorter than this fraction of the mesh's largest dimension.
 _NO_AREA = "without area"
 _DOUBT = " (a large part of the mesh: check that all parts are in one unit)"
 _ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far away as the rest of the mesh"
@@ -49,7 +49,7 @@ class MendedMesh:
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
-        """Return the mesh with only the faces `keep` (k,); its repair text describes the dropped faces by `which`."""
+        """Return the mesh with only the faces `keep` (k,); `which` describes the removed faces in the repair text."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -63,11 +63,11 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
     metres : length of that unit in metres, for the texts of the repairs.
 
-    Vertices nearer than `WELD` times the largest side become one vertex, except where sheets cross. The repair removes
-    faces without area, repeated faces, the third and further faces on an edge, and pieces below `CRUMB` of the area. It
-    closes pinholes with outlines below `PINHOLE`. It stitches seams between patches with different divisions, and joins
-    parts that touch in a point (`seams`). It drops copies of sheets, and reduces a slab to its middle surface
-    (`overlaps`). It straightens ragged borders (`borders`)."""
+    Vertices closer than `WELD` times the mesh's largest dimension become one vertex, except where sheets cross.
+    Pinholes are closed if their outline is shorter than `PINHOLE` times this dimension. The repair removes faces
+    without area, repeated faces, all but two faces on an edge, and pieces below `CRUMB` times the area. It stitches
+    seams between patches with different divisions, and joins parts that touch in a point (`seams`). It drops copies of
+    sheets, and reduces a slab to its middle surface (`overlaps`). It straightens ragged borders (`borders`)."""
     mesh = single_sheet(sound_faces(V, F), metres)
     mesh = stitched_mesh(_without(mesh, _on_edges_of_two, "on edges that already have two faces (a rib?)"))
     mesh = _without(mesh, _in_large_pieces, "in tiny loose pieces")
@@ -76,8 +76,8 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces. A face is
-    unusable if it has no area, is repeated, or has a corner that is not finite or far from all other vertices."""
+    """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces. Unusable faces
+    have no area, repeat another face, or have a corner that is not finite or is far from all other vertices."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are not numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
@@ -131,8 +131,8 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Return one face of each set of overlapping faces, and all other faces, (k,). Both copies of a face go if the
-    sheet continues without them at one of its edges. The sewn corners of a cushion have such copies."""
+    """Return one face of each set of overlapping faces, and all other faces, (k,). Both copies of a face are removed if
+    two other faces meet at one of its edges. The sewn corners of a cushion have such copies."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -181,16 +181,17 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
-HOLE = 0.15  # The repair fills a hole whose outline is shorter than this share of the mesh's largest side.
-SPECK = 0.05  # The repair of a scan drops pieces below this share of the largest piece's area.
+HOLE = 0.15  # The repair fills a hole whose outline is shorter than this fraction of the mesh's largest dimension.
+SPECK = 0.05  # The repair of a scan removes pieces smaller than this fraction of the largest piece's area.
 FINE, SEVERAL = 0.01, 3
-"""A mesh is a scan if its mean edge is below `FINE` times its largest side, and it has faults. The faults are `SEVERAL`
-small holes, or `SEVERAL` edges with more than two faces."""
+"""A mesh is a scan if its mean edge is below `FINE` times its largest dimension, and it has faults. The faults are
+`SEVERAL` small holes, or `SEVERAL` edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""A mesh is also a scan if its mean edge is below `NOISY` times its largest side and its share of folded faces is above
-`FOLDED`. Meshes of designs had 0.02 % folded faces at most; a mesh with 2 mm noise on 70 mm edges had 0.3 %."""
+"""A mesh is also a scan if its mean edge is below `NOISY` times its largest dimension, and more than the fraction
+`FOLDED` of its faces is folded. Meshes of designs had up to 0.02 % folded faces; a mesh with 2 mm noise on 70 mm edges
+had 0.3 %."""
 TILTED, LOW = 0.7, 0.5
-"""Noise has tilted a face if the cosine between its normal and the normals around it is below `TILTED` (45 degrees).
+"""Noise has tilted a face if the cosine of the angle to the normals around it is below `TILTED` (45 degrees).
 The height of such a face must also be below `LOW` mean edges, because real bends tilt higher faces, too."""
 
 
@@ -201,7 +202,7 @@ def is_scan(V: Floats, F: Ints) -> bool:
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
     if (edges.count > 2).sum() >= SEVERAL:
-        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # copies of sheets are no sign of a scan
+        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # copies of sheets do not show that the mesh is a scan
         edges = edge_table(F)
     mean = float(lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]]).mean())
     if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded_faces(V, F).mean() > FOLDED:
@@ -214,14 +215,15 @@ def is_scan(V: Floats, F: Ints) -> bool:
 
 
 def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, of a scan as a clean sheet, with a text for each repair.
+    """Return the mesh V (n, 3), F (m, 3) of a scan, in any unit, as a clean sheet, with a text for each repair.
 
     metres : length of V's unit in metres, for the texts.
 
     This function repairs more than `mended_mesh`. At an edge with three or more faces, the two faces that continue each
     other most smoothly stay joined. All further faces get separate vertices there. Parts that touch in a point are
-    separated. Faces get a common orientation. Pieces below `SPECK` of the largest are removed. Holes with outlines
-    below `HOLE` are filled. The shortest edges of faces that noise has folded over are collapsed."""
+    separated. Faces get a common orientation. Pieces smaller than `SPECK` times the largest piece's area are removed.
+    Holes are filled if their outline is shorter than `HOLE` times the mesh's largest dimension. Folds from noise are
+    flattened by collapsing the shortest edges of folded faces."""
     mesh = single_sheet(sound_faces(V, F), metres)
     for step in (stitched_mesh, _split_junctions, _orient_faces, _without_specks, _fill_holes, _flatten_folds):
         mesh = step(mesh) if len(mesh.F) else mesh
@@ -333,8 +335,8 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
     """Collapse the shortest edges of crumpled faces (m,). Return the vertices (n, 3), and for each its new index (n,).
-    An edge becomes its midpoint, or its end on the boundary. An edge stays if its collapse would join two boundaries or
-    change the topology."""
+    An edge collapses to its midpoint, or to its end on the boundary, unless this joins boundaries or changes topology.
+    """
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

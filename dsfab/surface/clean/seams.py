@@ -19,7 +19,7 @@ from dsfab.core.arrays import (
 )
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
-WELD = 5e-5  # Vertices nearer than this share of the mesh's largest side become one vertex.
+WELD = 5e-5  # Vertices closer than this fraction of the mesh's largest dimension become one vertex.
 ASTRAY_RATIO = 1000.0  # A vertex is astray if it is this many times as far from the middle as 99 % of all vertices.
 
 
@@ -40,8 +40,8 @@ def merged_vertices(
 ) -> tuple[Floats, Ints]:
     """Merge vertices V (n, 3) at one place. Return the remaining vertices, and each old vertex's index (n,) there.
 
-    within : largest distance between vertices at one place, over the mesh's largest side; no vertex moves farther. The
-             default suits `trimesh.slice_plane`, whose cuts give a vertex slightly different coordinates in each face.
+    within : largest distance between merged vertices, divided by the mesh's largest dimension; no vertex moves farther.
+             The default suits `trimesh.slice_plane`, which gives a vertex slightly different coordinates in each face.
     apart  : function that marks (p,) which pairs of vertices (p, 2) must stay separate.
 
     For mesh files `equal_merged` suffices, because files repeat a place with equal digits."""
@@ -62,8 +62,8 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the target (n,) of each vertex: the first vertex of its group within `reach`, else the vertex itself. A
-    group may be a chain of near vertices. Without this limit, a finely divided outline would shrink to a point."""
+    """Return the new vertex (n,) of each vertex: the first vertex of its group if within `reach`, else the vertex
+    itself. A group may be a long chain of vertices. Without this limit, a fine outline would shrink to a point."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -88,13 +88,13 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest width of a seam between two patches with common ends, over the length of the edge beside it. An arc of
-30 degrees is this high over its chord. Seams narrower than `within` need no common ends."""
+"""Largest ratio of a seam's width to the length of the edge beside it, for a seam between two patches with common ends.
+The rise of a 30 degree arc is this fraction of its chord. Seams narrower than `within` need no common ends."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
     """Stitch open seams of faces F (m, 3): divide the faces along a seam into fans.
-    Return the faces and the number of joined vertices. The faces stay unchanged if an edge would get over two faces.
+    Return the faces and the number of joined vertices. The faces stay unchanged if an edge would get a third face.
     within : largest distance between an edge and a vertex on the edge, in the unit of V."""
     faces, joined = F, 0
     for _ in range(4):  # a face has up to three edges at a seam, and each round stitches one of them
@@ -107,7 +107,7 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
 
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
-    """Return pairs of a boundary half-edge (k,), one per face at most, and a vertex (k,) of another face on it."""
+    """Return boundary half-edges (k,), at most one per face, and on each a vertex (k,) of another face."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
     edge, vertex = _near_vertices(V, ends, within)
@@ -130,8 +130,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return pairs of a boundary edge (k,), as index into `ends` (b, 2), and a boundary vertex (k,) beside the edge.
-    The vertex is nearer than `SAG` times the edge's length. If all boundaries are closed loops, there are no such
-    seams, and the vertex is nearer than `within`."""
+    Their distance is below `SAG` times the edge's length. If all boundaries are closed loops, the limit is `within`."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -157,7 +156,7 @@ def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
     """Return which balls (b,) around places (b, 3) contain more than `crowd` points of a tree. For all other balls,
-    return pairs of a ball (k,) and a point (k,). Counting all points in large balls would be slow."""
+    return also the pairs of a ball (k,) and a point in it (k,)."""
     # the search excludes points exactly at its bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
@@ -239,7 +238,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """Return the face in the smallest angle at a vertex between boundary edges of two fans; None over 150 degrees.
+    """Return a triangle that joins boundary edges of two fans at a vertex, in the smallest angle, if below 150 degrees.
     away : (k,) second ends of the boundary edges.    fan : (k,) the fan of each edge."""
     along = V[away] - V[v]
     along /= lengths(along)[:, None]

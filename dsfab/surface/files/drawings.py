@@ -144,9 +144,9 @@ def _polygons(entity: Any) -> Iterator[Polygons]:
 
 
 class _Entities:
-    """Iterator over the drawn entities. It also counts them, because nested blocks may repeat an entity very often.
-    hidden : names, in lower case, of layers that are off or frozen.    hidden_layers : true to draw these layers, too.
-    counts : counted insertions and hidden objects."""
+    """Iterator over the visible entities of a drawing, with a limit, because nested blocks may repeat them often.
+    hidden : lower-case names of layers that are off or frozen.    hidden_layers : true to include these layers.
+    counts : number of block insertions and hidden objects."""
 
     def __init__(self, document: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.budget, self.count, self.counts = budget, 0, Counter[Content]()
@@ -157,8 +157,8 @@ class _Entities:
     def leaves(
         self, entities: Any, depth: int, outer: str = "0", mirrored: bool = False, hidden: bool = False
     ) -> Iterator[tuple[Any, str, bool, bool]]:
-        """Yield each drawn entity with its layer, whether its block is mirrored, and whether its layer or the insertion
-        of its block is hidden. In blocks, layer 0 stands for the layer of the insertion, `outer`."""
+        """Yield each visible entity with its layer, whether its block is mirrored, and whether it is on a hidden layer.
+        Layer 0 in a block means the layer `outer` of the block's insertion."""
         if depth > self.budget.depth:
             raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
         for entity in entities:
@@ -184,7 +184,7 @@ class _Entities:
             words = f"{insert.dxf.name!r}, whose content is elsewhere"
             self.counts[Content("external reference", "dropped", words)] += 1
             return
-        turned = insert.matrix44().determinant() < 0  # virtual_entities() has applied outer blocks
+        turned = insert.matrix44().determinant() < 0  # this matrix includes outer blocks
         self.counts[Content("block insertion" if turned == mirrored else "mirrored block insertion")] += insert.mcount
         for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
             yield from self.leaves(copy.virtual_entities(), depth + 1, layer, turned, hidden)
@@ -228,7 +228,7 @@ def _spline_points(spline: Any) -> Floats:
     return curve_points(spans, lambda t: np.array([[*point] for point in tool.points(t)]))
 
 
-SAME_PLACE = 1e-6  # Two ends of curves meet if they are nearer than this share of the drawing's size.
+SAME_PLACE = 1e-6  # Two ends of curves meet if they are closer than this fraction of the drawing's size.
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,8 +268,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
     unit : unit of the file's numbers; by default the unit that the file declares.
 
-    Raises SurfaceError for a missing file, layer, unit or closed curve, for open curves, and for a drawing beyond the
-    limits of `DrawingBudget`."""
+    Raises SurfaceError for a missing file, layer, unit or closed curve, for open curves, and beyond `DrawingBudget`."""
     path = Path(path)
     if path.suffix.lower() not in _READERS:
         raise SurfaceError(f"{path} is not a drawing that dsfab reads; give a .dxf or a .3dm file")
@@ -282,8 +281,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
     """Return the visible content of the layers named in `words`, in any case, without empty layers.
-    metres : length of the file's unit in metres. Raises SurfaceError for an unreadable file, as `closed_curves` does.
-    """
+    metres : length of the file's unit in metres. Raises SurfaceError for unreadable files, as `closed_curves` does."""
     path = Path(path)
     drawing = _drawing(path, path.stat().st_size, DrawingBudget())
     marks = {}

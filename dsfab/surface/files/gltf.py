@@ -297,7 +297,7 @@ class _Scene:
             return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
         F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
         F[1::2] = F[1::2, [1, 0, 2]]
-        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # triangles without area only connect strips
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # triangles without area connect strips of triangles
         strip: Ints = F[~tied]
         return strip
 

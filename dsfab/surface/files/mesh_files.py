@@ -26,10 +26,10 @@ OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow 
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Join the faces of a mesh at coincident vertices if only the format of the file separates the faces. This is so if
-    no two faces share a vertex, as in STL files, or if each free edge has an equal free edge. Otherwise coincident
-    vertices stay apart, because they may be an intended joint. No edge gets more than two faces. Return the file and a
-    text about the repair."""
+    """Join the faces of a mesh at coincident vertices if only the format of the file separates the faces; return the
+    file and a text about the repair. Faces are joined if no two of them share a vertex, as in STL files, or if each
+    free edge coincides with another free edge. Otherwise coincident vertices stay apart: they may be an intended joint.
+    No edge gets more than two faces."""
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
     if not len(corners) or corners.min() < 0 or corners.max() >= len(V):
@@ -116,8 +116,8 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: st
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
     unit : the user's unit, which replaces a unit of the file that dsfab does not know.
 
-    Raises SurfaceError for a path that is not a readable mesh file, for a file beyond the limits, and for an unknown
-    unit in the file without `unit`."""
+    Raises SurfaceError for a path that is not a readable mesh file, and for a file beyond the limits. Also raises it if
+    the unit in the file is unknown and `unit` is not set."""
     path = Path(path)
     suffix = _suffix(path)
     budget = Budget(most_triangles)

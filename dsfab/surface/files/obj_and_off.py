@@ -34,7 +34,7 @@ _NUMBERS = {3, 4, 6, 7}  # A vertex has three coordinates, perhaps with a weight
 _COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)  # A comment ending with a backslash.
 _DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at the end of a line, with no space beside it.
 _DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a decimal comma.
-LINES_PER_CHECK = 1 << 14  # Lines between two checks of the numbers of vertices and faces.
+LINES_PER_CHECK = 1 << 14  # Number of lines between two checks of the counts of vertices and faces.
 
 
 def read_obj(data: bytes, budget: Budget) -> PolygonFile:
@@ -87,7 +87,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
-    """Return whether the last face of a file may be incomplete: fewer corners than `largest`, or an incomplete corner.
+    """Return whether a file's last face may be incomplete: its last corner is, or it has fewer corners than `largest`.
     count : number of vertices.    text : text of the file."""
     *other_corners, last_corner = (word.split("/") for word in face or [""])
     if len(face) < max(largest, 3) or len(last_corner) < len(other_corners[0]):
@@ -98,9 +98,9 @@ def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
 
 
 def _join_lines(text: str) -> str:
-    """Join each line that ends with a backslash with the next line. Comments stay, because a path may end with a
-    backslash. Raises MalformedFileError without a space between the lines, because programs disagree whether a number
-    continues."""
+    """Join each line that ends with a backslash with the next line. Comments are not joined, because they may contain a
+    path that ends with a backslash. Raises MalformedFileError without a space at the backslash: programs disagree
+    whether a number continues on the next line."""
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1

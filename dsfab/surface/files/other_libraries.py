@@ -105,7 +105,7 @@ def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
 
 
 def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":
-    """Return a trimesh mesh of V (n, 3), metres, and F (m, 3), unchanged."""
+    """Return a trimesh mesh with the same vertices V (n, 3), metres, and faces F (m, 3)."""
     import trimesh
 
     mesh = trimesh.Trimesh(V, F, process=False)
@@ -114,7 +114,7 @@ def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":
 
 
 def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
-    """Return a pyvista mesh of V (n, 3), metres, and F (m, 3), unchanged."""
+    """Return a pyvista mesh with the same vertices V (n, 3), metres, and faces F (m, 3)."""
     import pyvista
 
     build: Any = pyvista.PolyData.from_regular_faces  # pyvista's annotations forbid numpy arrays

@@ -25,7 +25,7 @@ from dsfab.surface.files.reading import (
     whole_number,
 )
 
-CHUNK = 1 << 16  # Records between two checks of the time.
+CHUNK = 1 << 16  # Number of records between two checks of the time.
 BLOCK = 1 << 20  # Number of bytes of text that the reader converts together.
 _SPACE = re.compile(rb"\s")
 
@@ -56,7 +56,7 @@ Columns = dict[str, Any]  # An array (count,) per property; for lists, all their
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
-    """Return the numbers (c,) of a text up to the first word that is not a number, and whether such a word exists."""
+    """Return the numbers (c,) at the beginning of a text, up to the first other word, and whether this word exists."""
     parts, position, odd = [np.empty(0)], 0, False
     while position < len(body) and not odd:
         gap = _SPACE.search(body, position + BLOCK)
@@ -64,7 +64,7 @@ def text_numbers(body: bytes) -> tuple[Floats, bool]:
         block, position = body[position:end].strip(), end
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("error", DeprecationWarning)  # numpy before 2.3 only warns about words
+                warnings.simplefilter("error", DeprecationWarning)  # numpy before 2.3 only warns about a bad word
                 parts.append(np.fromstring(block, dtype=np.float64, sep=" ") if block else np.empty(0))
         except (ValueError, DeprecationWarning):
             parts.append(_numbers_before_words(block))

@@ -11,10 +11,11 @@ import pythoncdt as cdt
 from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
-"""Cosines of the angle between a quad's triangles: flat quads are above `FLAT`; below `WARPED`, folds may cross."""
+"""Cosines of the angle between a quad's two triangles: flat quads are above `FLAT`; below `WARPED`, folds may cross."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""A quad is cut along its longer diagonal if its triangles then bend against flat neighbours by less than `ON`, the
-chord of 10 degrees. The bend must also be below `BETTER` times the bend with the shorter diagonal."""
+"""A quad is cut along its longer diagonal if its triangles are then nearly parallel to flat neighbours. The difference
+of the unit normals must be below `ON` (10 degrees), and below `BETTER` times the difference for the shorter diagonal.
+"""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
@@ -63,7 +64,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return the unit normals (r, 4, 3) of the flat faces beyond the sides of quads; 0 without exactly one such face.
+    """Return the unit normals (r, 4, 3) of the flat neighbours of quads; 0 at sides without a single flat neighbour.
     bent : (f,) faces that are not flat.    starts : (r,) index in `corners` of the first corner of each quad."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
@@ -80,10 +81,10 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])
 
 
-MOST_CORNERS_FOR_EARS = 12  # Larger polygons are not cut by ears, because this takes k^3 steps for k corners.
+MOST_CORNERS_FOR_EARS = 12  # Larger polygons are not cut by ear clipping, which takes k^3 steps for k corners.
 MANY = 2000  # Polygons with more corners get Delaunay triangles: 0.2 s for a comb of 100,000 corners, earcut takes 4 s.
 NOISE = 32 * float(np.finfo(np.float64).eps)
-"""Largest distance of a straight corner from the line of its neighbours, over the largest coordinate."""
+"""A corner is straight if its distance from the line of its neighbours is below this times the largest coordinate."""
 ORDER = cdt.VertexInsertionOrder.AUTO  # An order of insertion in which near points follow each other.
 TOGETHER = 1 << 12  # Number of polygons that are cut together, so that their data fit into the processor's cache.
 
@@ -126,8 +127,8 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
 
 def large_polygon_triangles(P: Floats) -> Ints | None:
     """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal. None if the polygon
-    crosses itself in this view, or has no area. Every corner is a corner of a triangle, also in the middle of a
-    straight side, because a neighbouring polygon may have a corner there."""
+    crosses itself in this view, or has no area. Corners in the middle of a straight side are corners of
+    triangles, too, because a neighbouring polygon may have a corner there."""
     flat, noise = _in_plane(P)
     x, y = flat.T
     area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
@@ -149,7 +150,7 @@ def _ring_cut(flat: Floats) -> Ints:
     if len(flat) <= MANY:
         return _earcut(flat)
     cut, ends = cdt.Triangulation(ORDER, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0), np.arange(len(flat))
-    points: Any = np.ascontiguousarray(flat)  # a buffer, a type that only Python 3.12 names
+    points: Any = np.ascontiguousarray(flat)  # Any: only Python 3.12 has a type for buffers
     sides: Any = np.stack([ends, np.roll(ends, -1)], axis=1).astype(np.uint32)
     try:
         cut.insert_vertices(points)
@@ -163,7 +164,7 @@ def _ring_cut(flat: Floats) -> Ints:
 def _earcut(flat: Floats) -> Ints:
     corners = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array([len(flat)], dtype=np.uint32))
     F: Ints = np.asarray(corners, dtype=np.int64).reshape(-1, 3)
-    turned = _twice_areas(flat, F) < 0  # versions of earcut differ in the direction
+    turned = _twice_areas(flat, F) < 0  # the order of the corners depends on earcut's version
     return np.where(turned[:, None], F[:, ::-1], F)
 
 
@@ -190,7 +191,7 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
     """Return the distance (k,) of each corner of an outline (k, 2) to the right of the line through its neighbours.
-    Return also whether the outline continues forward at the corner, not back."""
+    Return also whether the outline turns by less than 90 degrees there."""
     incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(incoming + outgoing, axis=1)
     twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
@@ -253,7 +254,7 @@ def polygons(V: list[list[float]], faces: list[list[int]]) -> Polygons:
 class CutPolygons:
     """Triangles of polygons.
     F : (m, 3) vertex indices. owner : (m,) the polygon of each triangle, ascending.
-    fanned : (p,) polygons that cross themselves and are cut as fans from their first corners."""
+    fanned : (p,) polygons that cross themselves; they are cut as fans from their first corners."""
 
     F: Ints
     owner: Ints

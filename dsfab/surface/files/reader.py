@@ -63,8 +63,8 @@ def read_surface(
     dsfab rotates it to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file`
     reports the repairs.
 
-    Raises SurfaceError for an unreadable file, coordinates that are not finite, collapsed or repeated faces, edges with
-    more than two faces, and parts that touch in a point inside the surface."""
+    Raises SurfaceError for an unreadable file, for coordinates that are not finite, and for collapsed or repeated
+    faces. Also raises it for edges with more than two faces, and for parts that touch in a point inside the surface."""
     return surface_in_file(path, unit, up, mend, max_triangles, repair).surface
 
 
@@ -233,7 +233,7 @@ def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshF
     faults = manifold_faults(F, edges, len(V))
     encloses = not edges.boundary.any() and not len(misoriented_edges(F, edges)) and not (edges.count > 2).any()
     count, _ = pieces(F, edges)
-    if faults or encloses or count > 1:  # not for a single open sheet, which seldom overlaps
+    if faults or encloses or count > 1:  # a single open sheet seldom overlaps itself
         faults = (*faults, *overlap_remarks(V, F, duplicate_faces(F)))
     lengths = _boundary_lengths(V, F, edges)
     euler = euler_characteristic(F, edges)

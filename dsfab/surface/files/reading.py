@@ -52,7 +52,7 @@ class Budget:
         self._require(count, self.triangles, "triangles")
 
     def require_vertices(self, count: int, what: str = "vertices") -> None:
-        """Raise SurfaceError if `count` exceeds three per allowed triangle; `what` names the counted things."""
+        """Raise SurfaceError if `count` is above three times the limit on triangles; `what` names the counted items."""
         self._require(count, 3 * self.triangles, what)
 
     def require_bytes(self, count: int, what: str = "bytes") -> None:
@@ -78,7 +78,7 @@ log = logging.getLogger(__name__)
 
 @contextmanager
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
-    """Context that converts any exception while a file is read into a SurfaceError with a message for the user.
+    """Context manager that converts any exception while a file is read into a SurfaceError with a message for the user.
     smaller : remedy in the message if memory is too small.    damaged : cause in the message of unknown errors."""
     kind = path.suffix[1:].upper()
     try:
@@ -102,8 +102,8 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 class Content:
     """Things of one kind in a file, and what dsfab did with them.
     kind  : "mesh", "curve", "hidden object" ...    about : words after the kind, such as a layer or a reason.
-    fate  : "taken", part of the surface; "marks", a mark of supports, loads or regions; "beside", a thing that cannot
-            be part of the surface, such as a curve; "dropped", a thing that the user may miss.
+    fate  : "taken", now part of the surface; "marks", used as supports, loads or regions; "beside", unable to be part
+            of a surface, such as a curve; "dropped", left out although the user may need it.
     count : number of these things."""
 
     kind: str
@@ -192,7 +192,7 @@ class FileRecord:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Lines for the user: all texts except the first text of `read`, the format and the content."""
+        """Lines for the user: all texts but the first text of `read`, which states the format and the content."""
         kinds = ("read", self.read[1:]), ("repaired", self.repaired), ("dropped", self.dropped)
         return tuple(f"{kind}: {text}" for kind, texts in kinds for text in texts)
 
@@ -246,13 +246,13 @@ def placed_points(points: Floats, place: Floats) -> Floats:
 
 
 def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
-    """Return a mesh after a transformation (4, 4); a mirrored mesh has its faces turned, as glTF and 3MF demand."""
+    """Return a mesh after a transformation (4, 4); mirrored faces are reversed, as glTF and 3MF demand."""
     return placed_points(V, place), F[:, ::-1] if is_mirrored(place) else F
 
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, whose mark is the start of this mark
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # tested first: its mark begins with that of UTF-16
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
@@ -267,7 +267,8 @@ BLOCK = 1 << 20  # Number of characters that the reader splits into lines betwee
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file with line feeds as line ends, doubts about the text, and whether its last line has an end."""
+    """The text of a file with line feeds as line ends, remarks on likely faults, and whether the last line has an
+    end."""
 
     text: str
     doubts: tuple[str, ...]
@@ -286,7 +287,7 @@ class TextFile:
             position = end + 1
 
     def cut_off(self, part: str) -> tuple[str, ...]:
-        """Return a doubt that the file is cut off within `part` if its last line has no end; else nothing."""
+        """Return a remark that the file may be cut off within `part` if its last line has no end; else nothing."""
         return () if self.ended else (f"the last line has no end: the file may be cut off within {part}",)
 
 
@@ -355,17 +356,17 @@ CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon's sides from its curve, 
 LARGEST_NUMBER = 1e12  # Larger numbers cannot be lengths or angles, and libraries may loop endlessly on them.
 
 
-FAR = 100.0  # A mesh is far from the origin if its coordinates are this many times as large as its largest side.
-DIGITS = 6  # Digits of numbers by default in C and C++ programs (printf with %g), for example gmsh.
+FAR = 100.0  # A mesh is far from the origin if its coordinates are this many times as large as its largest dimension.
+DIGITS = 6  # Default number of digits in files of C and C++ programs (printf with %g), such as gmsh.
 COARSE_STEP, LARGEST_STEP = 0.02, 0.5
-"""Rounding steps of the coordinates, over the mean edge. dsfab reports steps above `COARSE_STEP`, which move vertices
-by over 1 % of an edge. It refuses steps above `LARGEST_STEP`, which can turn faces over."""
+"""Ratios of the rounding step of the coordinates to the mean edge. dsfab reports steps above `COARSE_STEP`, which move
+vertices by over 1 % of an edge. It refuses steps above `LARGEST_STEP`, which can turn faces over."""
 
 
 def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, str]:
-    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3), over the mean edge, and a
-    sentence about it in `unit`; 0 and "" for a fine step. Only meshes far from the origin, in 32-bit numbers or with
-    `DIGITS` digits, have coarse steps."""
+    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3), divided by the mean edge. Return
+    also a sentence about it in `unit`; 0 and "" for a fine step. Coarse steps occur only far from the origin, in 32-bit
+    numbers or with `DIGITS` digits."""
     P = V[F].reshape(-1, 3)
     largest = np.abs(P).max(axis=0)
     if not np.isfinite(largest).all() or largest.max() <= FAR * np.ptp(P, axis=0).max():
@@ -402,9 +403,9 @@ class Drawing:
 
 @dataclass(frozen=True)
 class DrawingBudget:
-    """Limits of a drawing of outlines, far beyond the size of drawings of doors and supports.
-    The limits are: bytes, entities (each insertion counts those of its block), points of all curves, seconds, and
-    depth of nested blocks. started : start of reading, seconds of the process's clock."""
+    """Limits of a drawing of outlines, far above the size of usual drawings of doors and supports: bytes of the file,
+    entities (also those of each inserted block), points of all curves, seconds of reading, and depth of nested blocks.
+    started : start of reading, seconds of the process's clock."""
 
     bytes: int = 50_000_000
     entities: int = 50_000

@@ -134,10 +134,10 @@ def _model(path: Path) -> Any:
 
 
 class _DrawnObjects:
-    """Iterator over the visible objects of a 3DM file, which it also counts. The file lists the objects of a block
-    once. The iterator yields them at each insertion of the block, moved by the insertion's matrix.
-    hidden : numbers of the hidden layers, and of layers within them.    hidden_layers : true to draw their objects.
-    counts : counted insertions and hidden objects."""
+    """Iterator over the visible objects of a 3DM file. The file lists the objects of a block once. The iterator yields
+    them at each insertion of the block, moved by the insertion's matrix.
+    hidden : numbers of the hidden layers, and of layers within them.    hidden_layers : true to include their objects.
+    counts : number of block insertions and hidden objects."""
 
     def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.model, self.budget, self.count = model, budget, 0
@@ -153,8 +153,7 @@ class _DrawnObjects:
         self.counts = Counter[Content]()
 
     def all(self) -> Iterator[tuple[str, Any, Floats, bool]]:
-        """Yield layer, geometry and matrix (4, 4) of each drawn object outside the definitions of blocks, and whether
-        its layer or the insertion of its block is hidden."""
+        """Yield each object outside block definitions: layer, geometry, matrix (4, 4), and True on a hidden layer."""
         self.budget.require("entities", len(self.model.Objects))
         objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return self.objects(objects, np.eye(4), 0)

@@ -21,7 +21,7 @@ from dsfab.surface.files.reading import Budget, Content, Drawing, DrawingBudget,
 from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_meshes, require_rhino
 
 GIB = 2**30
-MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}  # Bytes of address space for reading.
+MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}  # Largest address space for reading, bytes.
 SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}  # Processor seconds for a small file; each 10 MB adds this time again.
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
 LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT"}

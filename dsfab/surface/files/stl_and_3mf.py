@@ -31,7 +31,7 @@ from dsfab.surface.files.reading import (
     whole_number,
 )
 
-HEAD, EACH = 84, 50  # Bytes of the header with the number of triangles, and of each triangle.
+HEAD, EACH = 84, 50  # Number of bytes of the header, and of each triangle, in a binary file.
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = r"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s+"
 _FACET = re.compile(
@@ -39,7 +39,7 @@ _FACET = re.compile(
 )
 _BETWEEN = re.compile(r"\s*(?:end\s*solid|solid)\b[^\n]*?(?=\n|\sfacet\s+(?:normal|outer)\b|\Z)", re.IGNORECASE)
 _SOLID = re.compile(r"^\s*solid\b", re.IGNORECASE | re.MULTILINE)
-CHUNK = 1 << 14  # Triangles of a text file between two checks of the time.
+CHUNK = 1 << 14  # Number of triangles or XML elements between two checks of the time.
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
@@ -100,7 +100,7 @@ _NAMESPACES = "core materials production beamlattice slice trianglesets".split()
 """Words in the names of extensions of 3MF that dsfab reads, or that do not change shapes."""
 _TAKEN = ("model", "surface")  # Types of objects of the model; other types are aids of a print, such as supports.
 _ROOT = re.compile(r"""Target\s*=\s*["']([^"']+\.model)["']""", re.IGNORECASE)
-Key = tuple[str, str]  # The name of a part of the file, and the number of an object in this part.
+Key = tuple[str, str]  # Name of a part of the file, and number of an object in this part.
 
 
 def read_3mf(data: bytes, budget: Budget) -> TriangleFile:
@@ -233,9 +233,9 @@ _AID = Content("modifier", "dropped", "or support of its slicer")
 
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
-    """Return the aids of a print, such as supports, that a slicer lists beside the model. The keys are object and
-    component; or object and "", with the first and the last triangle of each aid [PrusaSlicer: Slic3r_PE_model.config;
-    Bambu Studio, OrcaSlicer: model_settings.config]."""
+    """Return the aids of a print, such as supports, from the settings of a slicer [PrusaSlicer: Slic3r_PE_model.config;
+    Bambu Studio, OrcaSlicer: model_settings.config]. A key is object and component, with an empty list; or object and
+    "", with the first and the last triangle of each aid."""
     aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):
         try:

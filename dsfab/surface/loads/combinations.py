@@ -1,4 +1,4 @@
-"""Load cases by name, and their combinations: those of the user, and those by EN 1990."""
+"""Load cases by name, and their combinations, by the user or by EN 1990."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -195,7 +195,7 @@ def _ordered_combinations(
         "SLS-quasi": [action.psi[2] for action in order],
     }
     for name, (weight, variable) in (uls | {name: (1.0, shares) for name, shares in sls.items()}).items():
-        if variable and not variable[0]:  # the leading action has factor 0; other leading actions give the same sum
+        if variable and not variable[0]:  # a leading action with factor 0 adds no new combination
             continue
         acting = {action.case: factor for action, factor in zip(order, variable, strict=True) if factor}
         taken = dict.fromkeys(permanent, weight) | acting

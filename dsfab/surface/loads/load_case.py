@@ -15,7 +15,7 @@ from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
-EDGE_ON = 1e-12  # A face is parallel to a direction if the cosine between normal and direction is smaller.
+EDGE_ON = 1e-12  # A face is parallel to a direction if the cosine of the angle to its normal is below this.
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,10 @@ class Snow:
 
     s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]. An open sheet carries snow on all faces,
     whatever side their normals point to, so pick only the upper part of an overhanging sheet. On a closed surface only
-    faces turned against `direction` carry snow.
+    faces whose outside faces against `direction` carry snow.
 
-    shape   : "mu1" if `pressure` is the snow load on the ground, s_k, without the shape factor, which then follows
-              from the slope of each face (`snow_shape_factor`); "" if `pressure` includes the factor.
+    shape   : "mu1" if `pressure` is the snow load on the ground, s_k, without the shape factor; "" if `pressure`
+              includes it. With "mu1" the factor follows from the slope of each face (`snow_shape_factor`).
     kind    : "imposed" for people and services on the plan [EN 1991-1-1, 6.3].
     covered : true if a covering carries the snow over openings to the members; else snow lies only on the members."""
 
@@ -121,7 +121,7 @@ def outward_normals(surface: Surface) -> Floats:
 
 
 def picked_faces(surface: Surface, picker: Picker, kind: str) -> Bools:
-    """Return the faces (m,) whose corners are all picked; raises SurfaceError if none are."""
+    """Return the faces (m,) whose corners are all picked; raises SurfaceError without such faces."""
     faces = surface.faces_of(picker.vertices(surface))
     if not faces.any():
         raise SurfaceError(
@@ -149,7 +149,7 @@ SPREAD_PARTS = ("weight", "bare", "covered")  # Load parts that act on faces.
 class LoadParts:
     """Forces at the vertices of a surface, and tractions on its faces. Loads of the uncut surface cover whole faces.
 
-    point   : (n, 3) newtons: forces and lines.
+    point   : (n, 3) newtons, loads of kind force and line.
     weight  : (m, 3) Pa, weight of the sheet itself, in proportion to its material.
     bare    : (m, 3) Pa, loads that act on material alone: snow and wind on an open lattice.
     covered : (m, 3) Pa, loads that also act on openings with a covering: glass, a membrane, boards."""
@@ -185,7 +185,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the parts with `weight` and `bare` multiplied by remaining shares of material, numbers or (m,)."""
+        """Return the parts with `weight` and `bare` multiplied by remaining fractions of material, numbers or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         scaled = {part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
         return replace(self, **scaled)
@@ -266,8 +266,7 @@ class SelfWeight:
 @dataclass(frozen=True)
 class Cladding:
     """The weight of a covering (glass, membrane, boards): a permanent load in pascals per area of the surface itself.
-    The load acts along `direction` (any length) on faces with all corners picked. Over openings, the covering carries
-    its weight to the members."""
+    The load acts along `direction` (any length) on faces with all corners picked. The covering spans openings."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -353,11 +352,11 @@ class LoadCase:
     """Supports and loads on the vertices of one surface.
     fixed  : (n, 3) True if a vertex may not move along x, y, z.
     force  : (n, 3) force on each vertex, newtons.
-    loaded : (n,) True at the vertices under a concentrated load (a force or a line, not a load on faces), which the
-             pattern may protect with `keep`.
+    loaded : (n,) True at the vertices under a concentrated load: a force or a line, not a load on faces. The pattern
+             may protect these vertices with `keep`.
     spring : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; by default none.
     clamped: (e,) edges that may not rotate about themselves; empty (the default) if no edge is clamped.
-    fixed_edges : (e, 3) True if the inside of an edge may not move along x, y, z; empty (the default) if the supported
+    fixed_edges : (e, 3) True if points inside an edge may not move along x, y, z; empty (the default) if the supported
                   vertices decide (`spanned_edges`).
     parts  : the forces in parts (see `LoadParts`); None if all act on the vertices themselves."""
 
@@ -383,8 +382,8 @@ class LoadCase:
     def build(cls, surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0) -> Self:
         """Return the load case of all supports and loads together.
         weight : of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
-        Raises SurfaceError without a support or a load, for pickers without vertices, for loads that are zero, and for
-        loads that act only in fixed directions."""
+        Raises SurfaceError without a support or a load, and for pickers without vertices. Also raises it for loads that
+        are zero, and for loads that act only in fixed directions."""
         if not supports:
             raise SurfaceError("the surface has no support; add a [[surface.support]] that holds some vertices")
         if not loads:

@@ -13,13 +13,13 @@ from dsfab.surface.loads.pickers import Extent, pierced_faces
 from dsfab.surface.mesh import Surface
 
 LINE_TOLERANCE = 0.002  # Largest distance of edges from the curved line that they follow, as a share of `Extent.width`.
-SNAP_SHARE = 0.25  # The end of an edge moves along the edge onto the line, by at most this share of its length.
+SNAP_SHARE = 0.25  # The end of an edge moves along the edge onto the line, by at most this fraction of the edge.
 TEST_POINTS = 7  # Number of points between the ends of an edge at which dsfab compares the edge with the line.
 
 
 @dataclass(frozen=True, eq=False)
 class OutlinedSurface:
-    """A surface during the cut along a line. on : (n,) vertices on the line. fixed : (n,) vertices on earlier lines."""
+    """A surface while it is cut along a line. on : (n,) vertices on the line. fixed : (n,) vertices on older lines."""
 
     surface: Surface
     on: Bools
@@ -58,7 +58,7 @@ class OutlinedSurface:
 
 
 class EdgeCrossings(NamedTuple):
-    """Points (k, 3) at which the line crosses edges (k,), ascending, at `share` (k,), 0 to 1 along the edge."""
+    """Points (k, 3) at which the line crosses edges (k,), ascending. `share` (k,), 0 to 1, is the place on the edge."""
 
     edge: Ints
     share: Floats
@@ -67,7 +67,7 @@ class EdgeCrossings(NamedTuple):
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
     """Return the points at which the line crosses edges, by bisection. The ends of such an edge are on opposite sides.
-    An edge with one end on the line also crosses the line if it begins on the side opposite to its other end."""
+    An edge that starts on the line also counts if it continues on one side and ends on the other side."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -92,7 +92,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the share (k,) of each edge that lies opposite to its far end. Its near `end` (0 or 1) is on the line.
+    """Return the fraction (k,) of each edge, from its `end` (0 or 1) on the line, on the side opposite to its far end.
     sign : (k,) side of the far end."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
@@ -164,9 +164,9 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
-    """Return which vertices (k,) may move to places (k, 3) without a change of the surface's shape or boundary.
-    Fixed vertices and vertices on creases stay: the sine of the angle between a move and a face may be 0.2 at most.
-    tolerance : metres."""
+    """Return which vertices (k,) may move to places (k, 3) without a change of the surface's shape or boundary
+    (tolerance in metres). Fixed vertices stay. The sine of the angle between a move and any face around the vertex is
+    at most 0.2."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -260,7 +260,7 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) near the line that are longer than the width of the extent, and so could miss it."""
+    """Return the edges (e,) near the line that are longer than the extent's width, because these could miss it."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -308,7 +308,7 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
-    """Return the faces (k,) that the line crosses, and its distance (k,) from the middle of its chord in each face."""
+    """Return the faces (k,) that the line crosses, and the distance (k,) of the line from the middle of its chord."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place
@@ -319,7 +319,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces with all corners on lines, because depths of 0 at all corners do not show the side of a face."""
+    """Divide faces whose corners are all on lines. Depths of 0 at all corners do not show on which side a face lies."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

@@ -73,7 +73,7 @@ def enclosed_area(P: Floats) -> float:
 
 
 def bend_corners(P: Floats) -> Bools:
-    """Return the corners (k,) of a polygon (k, 2) that turn by 15 degrees or more; smaller turns belong to curves."""
+    """Return the corners (k,) of a polygon (k, 2) at which it bends by 15 degrees or more; curves bend less."""
     came, goes = P - np.roll(P, 1, axis=0), np.roll(P, -1, axis=0) - P
     cross = came[:, 0] * goes[:, 1] - came[:, 1] * goes[:, 0]
     angle = np.abs(np.arctan2(cross, np.einsum("ki,ki->k", came, goes)))
@@ -147,7 +147,7 @@ class PlanPolygon:
         return Extent(depth, np.array([*uprights, *around]).reshape(-1, 2, 3), _width(P))
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if none are."""
+        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
@@ -201,7 +201,7 @@ class ClosedCurves:
         return Extent.union([plane.extent(surface, self.depth) for plane in planes])
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if none are, and as `extent` does."""
+        """Return the picked vertices (n,). Raises SurfaceError if no vertex is picked, and as `extent` does."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
@@ -228,7 +228,7 @@ class Brush:
         return Extent(depth, np.empty((0, 2, 3)), radius)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if none are."""
+        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
@@ -372,10 +372,9 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 
 
 def edges_of(picker: Picker, surface: Surface) -> Bools:
-    """Return the edges (e,) of a picker, for its picked vertices; raises SurfaceError as the picker does. A picker of
-    the boundary has free edges only. A part of space, or a direction of normals, has the edges with both ends inside.
-    In an outline, which may be concave, the middles of edges must also be inside. Named vertices have the edges that
-    they span (`spanned_edges`)."""
+    """Return the edges (e,) that belong to the picked vertices of a picker; raises SurfaceError as the picker does. A
+    picker of the boundary has free edges only. Other pickers have the edges with both ends picked. In a concave
+    outline, an edge's middle is inside, too. Named vertices have the edges between them (`spanned_edges`)."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):
         return picker.edges(surface)

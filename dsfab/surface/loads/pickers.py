@@ -109,7 +109,7 @@ class All:
 @dataclass(frozen=True)
 class Box:
     """The vertices in the box with two opposite corners, metres, its walls included.
-    relative : true if the corners are shares of the surface's own box, 0 to 1 along each axis.
+    relative : true if the corners are fractions of the surface's own box, 0 to 1 along each axis.
     boundary : true to pick only vertices of free edges."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -136,8 +136,9 @@ class Box:
 
 @dataclass(frozen=True)
 class Ball:
-    """The vertices within `radius` of `center`, metres. relative : true if the centre is in shares of the surface's
-    box, 0 to 1 along each axis, and the radius is a share of the box's diagonal."""
+    """The vertices within `radius` of `center`, metres.
+    relative : true if the centre is in fractions of the surface's box, 0 to 1 along each axis; the radius is then a
+               fraction of the box's diagonal."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     center: Vector
@@ -151,7 +152,7 @@ class Ball:
         return _in_metres([self.center], surface, self.relative)[0], self.radius * scale
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if none are."""
+        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         center, radius = self.metres(surface)
         return within_reach(self, surface, np.linalg.norm(surface.V - center, axis=1), radius)
 
@@ -159,7 +160,7 @@ class Ball:
 @dataclass(frozen=True)
 class Side:
     """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 exactly there.
-    relative : true if the depth is a share of the surface's extent along the axis."""
+    relative : true if the depth is a fraction of the surface's extent along the axis."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     axis: Literal["x", "y", "z"]
@@ -181,7 +182,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The vertex nearest to each point, metres. relative : true if points are shares of the surface's box, 0 to 1."""
+    """The vertex nearest to each point, metres. relative : true if points are fractions of the surface's box."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -257,7 +258,7 @@ class Facing:
     pick: Literal["facing"] = "facing"
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if none are."""
+        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         require_two_sides(surface, np.ones(surface.m, dtype=bool), picker_words(self))
         d, N = unit_vector(self.direction, picker_words(self)), surface.vertex_normals
         degrees = np.degrees(np.arctan2(np.linalg.norm(np.cross(N, d), axis=1), N @ d))
@@ -317,7 +318,7 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """Return the vertices (n,) with a distance `away` (n,) up to `reach`, metres; raises SurfaceError without any."""
+    """Return the vertices (n,) at distances `away` (n,) up to `reach`, metres; raises SurfaceError if none exist."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 

@@ -1,7 +1,7 @@
 """`PatternRegion`: a region of the surface, `[[pattern.region]]` in a preset: solid, void, or with a solid band.
 
-dsfab cuts the mesh along the outlines of regions before any analysis, so statics, pattern, sheet and solid all have
-edges along the outlines. For each of these stages a void is a hole in the surface."""
+dsfab cuts the mesh along the outlines of regions before any analysis. Statics, pattern, sheet and solid all have edges
+along the outlines. For each of these stages a void is a hole in the surface."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

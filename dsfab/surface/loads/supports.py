@@ -72,8 +72,8 @@ class Support:
     hold   : fixed directions, along the surface's own axes: by default all, or none if a `spring` is set.
     spring : total stiffness along x, y and z, newtons per metre, spread over the picked vertices in proportion to their
              areas. A stiffness of 0 leaves a direction free (or fixed by `hold`).
-    clamp  : true if the edges of the picker (`edges_of`) cannot rotate about their own line either. An edge across an
-             ear of the mesh (a face with two boundary edges) lies inside the sheet and stays free.
+    clamp  : true if the edges of the picker (`edges_of`) cannot rotate about their own line either. The inner edge of
+             a face with two boundary edges stays free, because it lies inside the sheet.
     name   : text for lists of supports; it does not affect results.
 
     Raises SupportError for a support without effect, a negative spring, or a spring along a fixed direction."""

@@ -39,8 +39,7 @@ class NetFaces:
 class Net:
     """Mesh during remeshing: vertices V (n, 3), metres, kind (n,), faces, and the vertices on curves, called nodes.
     node  : (k,) the vertices along each curve, curve after curve.    curve : (k,) the curve of each node.
-    at    : (k,) positions of nodes on the axis of `FeatureCurves`, metres.    size : (n,) wanted edge length, metres.
-    """
+    at    : (k,) positions of nodes along `FeatureCurves`, metres.    size : (n,) wanted edge length, metres."""
 
     V: Floats
     faces: NetFaces
@@ -82,7 +81,7 @@ class Net:
 
     @property
     def links(self) -> Ints:
-        """Nodes (l,) from which an edge along a curve leads to the next node."""
+        """Indices (l,) of the nodes that an edge joins to the next node of the same curve."""
         return np.flatnonzero(self.curve[1:] == self.curve[:-1])
 
     @property
@@ -114,11 +113,11 @@ class Net:
 
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
-    """Return which candidates (c,) cost less than all candidates near them. Two results never share a vertex.
+    """Return which candidates (c,) cost less than all candidates that touch one of their vertices.
     touched : (c, k) vertices of each candidate.
-    cost    : (c,), rounded to eight levels, because exact costs that rise along a strip would select only its end. A
+    cost    : (c,), rounded to eight levels. With exact costs that rise along a strip, only its end would be selected. A
               hash gives the order within a level [Knuth 1973, multiplicative hashing].
-    edges   : (e, 2) edges of the mesh; if given, two results never touch neighbouring vertices either."""
+    edges   : (e, 2) edges of the mesh; if given, candidates at neighbouring vertices are compared, too."""
     if not len(cost):
         return np.zeros(0, dtype=bool)
     spread = np.ptp(cost)
@@ -132,7 +131,7 @@ LONGEST = 4 / 3  # Edges longer than this multiple of their wanted length are ha
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
     """Halve the long edges of the net once, and edges along curves that are too far from the curve.
-    edge : length in metres; the tolerance is a share of this length."""
+    edge : length in metres; the largest distance is a fraction of this length."""
     length = edge_lengths(net.V, net.edges.ends)
     deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
@@ -143,9 +142,9 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return the long edges (e,) with at least 70 % of the length of the longest edge of each of their faces. In
-    needle-shaped faces (2 area / longest edge^2 below 0.35; 0.87 if equilateral) only the longest edge counts. Halving
-    both long edges would leave further needles."""
+    """Return the long edges (e,) that have at least 70 % of the length of the longest edge in both of their faces. In
+    needle-shaped faces (2 area / longest edge^2 below 0.35) only the longest edge counts, because halving both long
+    edges would leave further needles."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -198,7 +197,7 @@ class _Collapses:
 
 
 def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int = 12) -> Net:
-    """Collapse the short edges of the net in batches. The tolerance for curves is a share of `edge`, metres."""
+    """Collapse the short edges of the net in batches. The tolerance for curves is a fraction of `edge`, metres."""
     for batch in range(batches):
         collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
@@ -212,8 +211,7 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
     """Return collapses of short edges that preserve topology and curves, and their costs (c,). A free vertex may merge
-    with any vertex; two free vertices merge at their middle. A vertex on a curve moves only along the curve, and a
-    fixed vertex never moves."""
+    with any vertex; two free vertices merge at their middle. Curve vertices stay on the curve, fixed ones in place."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -230,8 +228,8 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
-    """Return which vertices (c,) on a curve may merge with a neighbour on the curve.
-    The resulting longer edge must stay near the curve, must not be too long and must not exist yet."""
+    """Return which vertices (c,) on a curve may merge with a neighbour on the curve. The longer edge that results must
+    stay near the curve, must not be too long, and must not exist yet."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -294,11 +292,11 @@ def _merge_vertices(net: Net, collapses: _Collapses) -> Net:
     return replace(net, V=V, faces=faces, size=size, node=node, at=net.at[stays], curve=curve)
 
 
-LEAST_ANGLE = np.radians(25)  # A flip must not reduce the least angle below this value.
+LEAST_ANGLE = np.radians(25)  # Radians. A flip must not reduce the smallest angle below this.
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
-    """Flip edges off the curves, in up to `rounds` rounds: to even out valences, or to meet the Delaunay condition."""
+    """Flip edges off the curves, in up to `rounds` rounds: for equal valences, or for the Delaunay condition."""
     angles = np.empty(0) if by_valence else _face_angles(net.V, net.F)
     for _ in range(rounds):
         edges = net.edges
@@ -343,7 +341,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return which edges (q,) may flip: faces turn by up to 37 degrees; least angles grow or exceed `LEAST_ANGLE`."""
+    """Return which edges (q,) may flip: faces rotate by up to 37 degrees; least angles grow or exceed `LEAST_ANGLE`."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))
@@ -368,10 +366,9 @@ def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Float
 
 
 def with_ears_flipped(surface: Surface) -> Surface:
-    """Return the surface with the inner edge of each ear flipped, so that the new edge starts at the ear's tip.
-    An ear is a flat triangle with two border edges and over 150 degrees at its tip, all three corners on a curved
-    border. Meshes of a disc have ears at corners of a grid on the border. An ear spans two chords of the border, so it
-    looks like a crease, although the shape has none."""
+    """Return the surface with the inner edge of each ear flipped, so that the new edge starts at the ear's tip. An ear
+    is a flat triangle with two border edges and an angle over 150 degrees at its tip. Its corners are on a curved
+    border. The ear's inner edge looks like a crease, although the shape has none. Meshes of a disc have such ears."""
     edges, n = surface.edges, surface.n
     pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2
@@ -383,7 +380,7 @@ def with_ears_flipped(surface: Surface) -> Surface:
     for start, end in ((a, b), (b, a)):  # no new face may turn over
         ear &= angles_at(surface.V, start, end, c) + angles_at(surface.V, start, end, d) < np.pi
     chosen = np.flatnonzero(ear)
-    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # of two ears at a face, the first counts
+    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # a face gets only its first ear
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))
@@ -391,16 +388,16 @@ def with_ears_flipped(surface: Surface) -> Surface:
 
 def without_rim_slivers(surface: Surface) -> Surface:
     """Return the surface without border faces whose height is below `TOLERANCE` times their border edge. Triangulations
-    of points near a border have such faces. Their normals are mere rounding errors, so nothing collapses these faces,
-    and the sheet seems to bend sharply. The border then passes through the third corner, an inner vertex before."""
+    of points near a border have such faces. Their normals are mere rounding errors, so the sheet seems to bend sharply.
+    The border then passes through the third corner, an inner vertex before."""
     V, F, edges = surface.V, surface.F, surface.edges
     bare = edges.boundary[edges.of].reshape(-1, 3)
-    side = bare.argmax(axis=1)  # from corner `side` to the next
+    side = bare.argmax(axis=1)  # the border edge starts at corner `side`
     a, b, tip = (F[np.arange(len(F)), (side + k) % 3] for k in range(3))
     base = edge_lengths(V, np.stack([a, b], axis=1))
-    low = 2 * surface.areas < TOLERANCE * base**2  # a ratio, so that small even faces around a hole stay
+    low = 2 * surface.areas < TOLERANCE * base**2  # relative to the border edge, so that small regular faces stay
     low &= (bare.sum(axis=1) == 1) & ~on_boundary(edges, surface.n)[tip]
     low &= (angles_at(V, a, b, tip) < np.pi / 2) & (angles_at(V, b, a, tip) < np.pi / 2)
     chosen = np.flatnonzero(low)
-    chosen = chosen[np.unique(tip[chosen], return_index=True)[1]]  # of two faces at a vertex, the first counts
+    chosen = chosen[np.unique(tip[chosen], return_index=True)[1]]  # one face at each vertex
     return Surface(V, np.delete(F, chosen, axis=0)) if len(chosen) else surface

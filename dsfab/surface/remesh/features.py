@@ -11,14 +11,14 @@ from dsfab.surface.edge_changes import CREASE, border_edges, sharp_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-TOLERANCE = 1 / 50  # Largest distance of new boundaries and creases from the old ones, as a share of the edge length.
-CORNER = 30.0  # Degrees. A vertex is a corner if a curve turns there by at least this angle.
-DULL = 0.6 * CREASE  # Degrees between the mean normals on both sides of a crease; below this, the crease is noise.
-FINE = 1 / 80  # A mesh with longer edges, as a share of its box's diagonal, is a design, not a scan.
+TOLERANCE = 1 / 50  # Largest distance of new boundaries and creases from the old ones, in edge lengths.
+CORNER = 30.0  # Degrees. A vertex is a corner if a curve bends there by at least this angle.
+DULL = 0.6 * CREASE  # Degrees. A short crease is noise if the mean normals on its two sides differ by less.
+FINE = 1 / 80  # The mean edge of a scan is shorter than this fraction of its box's diagonal.
 
 
 class SmoothVertices(NamedTuple):
-    """Vertices (k,) of two edges, the edges (k, 2), the turn (k,), radians, and the shorter edge's length (k,)."""
+    """Vertices (k,) of two edges (k, 2), the angle of the bend (k,), radians, and the shorter edge's length (k,)."""
 
     vertex: Ints
     edges: Ints
@@ -41,9 +41,9 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 
 def design_features(surface: Surface, edge: float) -> Bools:
-    """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise. The bend of a
-    crease is the angle between the mean normals on its two sides. The mean covers `edge`, metres, or in a scan two mean
-    edges, the width of noise. Slight creases longer than twice this width stay, as steps of the design."""
+    """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise. A crease is
+    slight if the mean normals on its two sides differ by less than `DULL`. The means cover a width of `edge`, metres,
+    or of two mean edges in a scan. Slight creases longer than twice this width stay, as steps of the design."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)
@@ -101,14 +101,14 @@ class FeatureCurves:
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """Return pairs of an interval (j,) and a point (j,) inside it, for intervals (k,) of the axis."""
+        """Return pairs of an interval (j,) and a point (j,) inside it, for intervals start to end (k,) of the axis."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
         return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return the largest distance (k,) of curves from chords start to end (k,), metres, and its position (k,)."""
+        """Return the largest distance (k,) of curves from their chords, metres, and its position (k,) on the axis."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))
@@ -120,8 +120,8 @@ class FeatureCurves:
 
 
 def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
-    """Return the boundaries, the creases and the seams of a one-sided surface, for edges of `edge` metres.
-    Fixed vertices are ends and branches of curves, sharp turns, and the extremes of the surface in x, y or z."""
+    """Return the boundaries, the creases and the seams of a one-sided surface, for edges of `edge` metres. Fixed
+    vertices are ends and branches of curves, sharp bends, and the extremes of the surface in x, y or z."""
     ends = surface.edges.ends[design_features(surface, edge)]
     extremes = np.concatenate([surface.V.argmin(axis=0), surface.V.argmax(axis=0), surface.pinches])
     corners = np.zeros(surface.n, dtype=bool)
@@ -134,7 +134,7 @@ def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
     vertex, curve = np.concatenate(chains), np.repeat(np.arange(len(chains)), [len(chain) for chain in chains])
     points = surface.V[vertex]
     step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
-    step[np.diff(curve, prepend=0) > 0] = surface.size  # curves are this far apart on the axis
+    step[np.diff(curve, prepend=0) > 0] = surface.size  # a gap of this length separates curves on the axis
     return FeatureCurves(points, np.cumsum(step), curve, vertex, fixed)
 
 

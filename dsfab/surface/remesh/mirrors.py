@@ -15,7 +15,7 @@ from dsfab.surface.remesh.features import TOLERANCE, design_features
 from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
 from dsfab.surface.topology import euler_characteristic, half_edges, link_components, misoriented_edges, pieces
 
-LARGEST_GROUP = 240  # Largest accepted number of elements of a symmetry group: twice those of the icosahedron.
+LARGEST_GROUP = 240  # Largest number of elements of a symmetry group; the group of the icosahedron has half as many.
 MATRIX_TOLERANCE = 1e-6  # Entries of matrices count as equal if they differ by less.
 INERTIA_TOLERANCE = 1e-2  # Moments of inertia are equal if they differ by less than this share of the largest.
 FAR_TOLERANCE = 1e-3  # Distances of points are equal if they differ by less than this share of the surface's size.
@@ -44,15 +44,15 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
     """Return unit vectors (k, 3) from the origin to the farthest of the points x (n, 3).
-    count : least number of points; all points as far away as the last of these are included."""
+    count : smallest number of points; all points at the distance of the last point are included."""
     distance = lengths(x)
     farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
 
 
 def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
-    """Yield normals of planes through an axis. Each plane mirrors the first of the directions (k, 3) onto one of
-    the first 24, or onto its opposite."""
+    """Yield normals of planes through an axis. Each plane mirrors the first of the directions (k, 3) onto one of the
+    first 24 directions, or onto its opposite."""
     for direction in directions[:24]:
         for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
             if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
@@ -76,7 +76,7 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, over the edge length; files round coordinates.
+IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, divided by the edge length; files round coordinates.
 ROUND_ANGLES = (0.7, 1.9)  # Radians. A surface is round if it also has mirrors at these angles to the first mirror.
 MOST_SIDES = 16  # Largest number of mirrored sectors around an axis; a surface with more sectors gets two mirrors.
 
@@ -101,7 +101,7 @@ class Mirrors:
         look = _MirrorTest(nearest_on.surface, nearest_on, edge, smooth)
         group, normals = np.eye(3)[None], list[Floats]()
         for normal in _candidate_mirrors(look):
-            with suppress(OverflowError):  # planes that fit nearly may contradict each other
+            with suppress(OverflowError):  # approximate planes may not form a group
                 group, normals = _mirror_group([*normals, normal], 2 * MOST_SIDES), [*normals, normal]
         if not normals:
             return None
@@ -219,7 +219,7 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # Largest distance of a vertex on a mirror plane, or of two equal images, over the edge length.
+PLANE_TOLERANCE = 1e-3  # Tolerance, in edge lengths, for vertices on mirror planes and for images at one place.
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +233,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part on the side of a weighted sum of all vertices, which rotates with the surface."""
+        """Return the part that contains a weighted sum of all vertices. This point rotates with the surface."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
@@ -287,7 +287,7 @@ class Chamber:
         if surface.edges.count.max() > 2 or facts(surface) != facts(original):
             return False
         new_length, old_length = (float(s.edge_lengths[s.edges.boundary].sum()) for s in (surface, original))
-        return abs(new_length - old_length) <= 0.05 * old_length  # new chords may be shorter
+        return abs(new_length - old_length) <= 0.05 * old_length  # the chords of the new mesh may be shorter
 
 
 def _positive_side(x: Floats, F: Ints, normal: Floats, tolerance: float) -> tuple[Floats, Ints] | None:

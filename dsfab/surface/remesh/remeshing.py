@@ -41,11 +41,11 @@ def remeshed_surface(
 ) -> Surface:
     """Return the surface with nearly equilateral triangles whose edges are about `edge` metres long.
 
-    finest : metres. Edges are shorter on curved parts, but at least this long, so that the surface turns by 15 degrees
-             along an edge; 0 disables this.
+    finest : metres. Edges are shorter on curved parts, so that the normal rotates by 15 degrees along an edge, but they
+             are at least this long; 0 disables this.
     smooth : true if new vertices are on the smooth surface through the old vertices [Vlachos et al. 2001], false if
              they are on its facets.
-    sizes  : wanted edge lengths at the vertices of this surface or of other meshes of it, metres; the shortest counts.
+    sizes  : wanted edge lengths, metres, at the vertices of meshes of this surface; the shortest length counts.
 
     Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`; their corners do not move.
     The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change. Creases that
@@ -54,8 +54,8 @@ def remeshed_surface(
     surfaces give equal meshes. Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an
     exactly symmetric mesh, whose bounding box is exact to a fiftieth of `edge`.
 
-    Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles,
-    repeated faces, and edges of more than two faces."""
+    Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles.
+    Also raises it for repeated faces, and for edges of more than two faces."""
     _check(surface, edge, finest)
     mirrored = not sizes  # sizes may differ between mirrored sides
     if finest:
@@ -105,8 +105,8 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
 
 
 def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
-    """Return new places (n, 3) of a net's vertices: on the nearest boundary, crease or corner, or on the facets if
-    not smooth. Mirrored vertices need this, because they lie slightly beside the curves of the surface."""
+    """Return places (n, 3) of a net's vertices on the nearest boundaries, creases and corners. If `smooth` is false,
+    all other vertices move onto the facets. Copied vertices need this, because they lie slightly beside the curves."""
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
@@ -151,7 +151,7 @@ def _even_net(
 
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve long edges until none remains; flips and collapses after each round remove needle-shaped faces."""
+    """Halve long edges until none remains. Flips and collapses after each round remove needle-shaped faces."""
     net = with_short_edges_collapsed(net, curves, edge)
     for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)
@@ -163,7 +163,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the smallest wanted edge length (k,) of all fields at points (k, 3), metres. trees : of their meshes."""
+    """Return the smallest wanted edge length (k,) of all fields at points (k, 3), metres. trees : of the fields."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

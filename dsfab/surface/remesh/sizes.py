@@ -13,8 +13,8 @@ from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import adjacency
 
-TURN_PER_EDGE = 15.0  # Degrees. If the surface turns by more along an edge, the edge should be shorter.
-CHANGE_PER_EDGE = 0.25  # Largest change of a field along an edge, over the root mean square of the field.
+TURN_PER_EDGE = 15.0  # Degrees. If the normal rotates by more along an edge, the edge should be shorter.
+CHANGE_PER_EDGE = 0.25  # Largest change of a field along an edge, divided by the field's root mean square.
 
 
 class SizeField(NamedTuple):
@@ -25,9 +25,9 @@ class SizeField(NamedTuple):
 
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
-    """Return edge lengths (n,), metres, from `finest` to `edge`, along which the surface turns by `TURN_PER_EDGE`.
-    The curvature tensor at a vertex sums the angles between faces [Cohen-Steiner and Morvan 2003] around the vertex
-    and its neighbours, without creases. Its largest eigenvalue counts."""
+    """Return edge lengths (n,), metres, from `finest` to `edge`, along which the normal rotates by `TURN_PER_EDGE`. The
+    largest eigenvalue of the curvature tensor counts. The tensor sums the angles between faces, without creases, around
+    a vertex and its neighbours [Cohen-Steiner and Morvan 2003]."""
     two = surface.edges.count == 2
     shared = np.flatnonzero(two)[~feature_edges(surface)[two]]
     ends = surface.edges.ends[shared]
@@ -41,9 +41,9 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
 def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) -> Floats:
     """Return edge lengths (n,), metres, from `finest` to `edge`, along which a field changes by `CHANGE_PER_EDGE`.
     field : (m, 3, 3) tensors in the planes of the faces.
-    The change along an edge is the difference of the mean tensors around its ends [means: Zienkiewicz and Zhu 1987],
-    after rotation into one tangent plane. The squared gradient at a vertex is twice the mean square of the slopes of
-    all edges around the vertex."""
+    Each vertex gets the mean tensor of its faces [Zienkiewicz and Zhu 1987]. The slope of an edge is the difference of
+    its ends' tensors, rotated into one plane, divided by its length. The squared gradient at a vertex is twice the mean
+    squared slope of the edges around it."""
     vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
     slope = ((_transported_tensors(vertex_tensors[b], normal[b], normal[a]) - vertex_tensors[a]) ** 2).sum(axis=(1, 2))
@@ -64,7 +64,7 @@ def _at_vertices(surface: Surface, field: Floats) -> Floats:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return the sum (n, k) of edge values (e, k) around each vertex and its neighbours, divided by their area."""
+    """Return the sum (n, k) of edge values (e, k) around each vertex and its neighbours, divided by the area there."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -89,13 +89,13 @@ def _bends(surface: Surface, shared: Ints) -> Floats:
 
 
 GRADE = 0.3  # Largest growth of the wanted length per metre, so that adjacent edges differ by a factor below 1.3.
-LEAST = 1 / 20  # Least wanted length at bends of curves and narrow places, over the general edge length.
-CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of the chords of a curve, over the general edge length.
+LEAST = 1 / 20  # Smallest wanted length at bends and narrow places, as a fraction of the general edge length.
+CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of a curve's chords, as fractions of the general edge length.
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with graded wanted edge lengths, metres: at most `base` (n,), or a number. The lengths are smaller
-    at bends of curves, `chords` (p,), and in narrow places."""
+    """Return the net with graded wanted edge lengths, metres: at most `base`, (n,) or a number. The lengths are smaller
+    at bends of curves, where they follow the chord lengths `chords` (p,), and in narrow places."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge
@@ -103,8 +103,8 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
         k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
     for vertex, width, slope in _narrow_places(net):
-        wide = width > TOLERANCE * edge  # narrower places are faults of the mesh
-        row = 1.25 * np.maximum(width, edge * slope)[wide]  # a single row of triangles fills the width
+        wide = width > TOLERANCE * edge  # places of smaller width are faults of the mesh
+        row = 1.25 * np.maximum(width, edge * slope)[wide]  # one row of triangles across the narrow place
         np.minimum.at(size, vertex[wide], np.maximum(row, least))
     return replace(net, size=graded_sizes(net.V, net.edges.ends, size))
 
@@ -151,9 +151,8 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
     """Return the slopes (k,) at which pairs of curves diverge from their common corner; 0 without a common corner. The
-    slope is the width (k,) between two vertices, metres, over their distance from the corner along the curves. At a
-    slope of 0.3, the surface is 0.3 edges wide at one edge's length from the corner, and such edges fill the width.
-    Nearer to the corner, edges would become shorter without end."""
+    slope is the width (k,) between two vertices, metres, divided by their distance from the corner along the curves.
+    Near the corner, the slope keeps edges from becoming shorter without end."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):
@@ -165,8 +164,8 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
-    """Return the corners (n, 2) at both ends of each vertex's curve, -1 without a curve, and their distances (n, 2)
-    along the curve, metres. A vertex that is a corner is both of its corners."""
+    """Return the corners (n, 2) at the two ends of each vertex's curve, -1 without a curve, and their distances (n, 2)
+    along the curve, metres. At a corner both entries are the corner itself."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):
@@ -178,8 +177,8 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
-    """Return the length (p,), at most `edge`, of the longest chord around each point of the curves, metres.
-    A longer chord would deviate from the curve by more than 80 % of the tolerance."""
+    """Return the length (p,), at most `edge`, of the longest chord around each point of the curves, metres. Its
+    distance from the curve is at most 80 % of the tolerance."""
     longest = np.full(len(curves.at), edge * CHORD_SHARES[-1])
     open_ = np.arange(len(curves.at))
     is_last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)

@@ -62,8 +62,8 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return unit normals (m, 3 corners, 3): means of the face normals around a vertex, weighted by angle.
-    Faces beyond a feature, an edge marked in (e,), do not count."""
+    """Return unit normals (m, 3 corners, 3): means of the face normals around a vertex, weighted by angle. Faces on the
+    other side of a feature edge, marked in (e,), do not count."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -72,7 +72,7 @@ def _corner_normals(surface: Surface, features: Bools) -> Floats:
 
 
 class NearestOnSurface:
-    """Search for the nearest places on a surface, by a tree of boxes that the first search builds."""
+    """Search for the nearest places on a surface. The first search builds a tree of boxes."""
 
     def __init__(self, surface: Surface) -> None:
         self.surface = surface
@@ -92,8 +92,8 @@ class NearestOnSurface:
 
 
 def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Move free vertices in their tangent planes to weighted means of the centres of their faces, and curve
-    vertices to even steps along their curves. The weight of a face is its area over its squared wanted edge length."""
+    """Move free vertices in their tangent planes to weighted means of the centres of their faces. Move curve vertices
+    to even steps along their curves. The weight of a face is its area divided by its squared wanted edge length."""
     V, F, n = net.V, net.F, net.n
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2
@@ -140,10 +140,10 @@ def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
 
 def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
     """Move vertices to goals (n, 3), metres, and curve nodes to positions (k,).
-    Vertices of a face that would turn by over 60 degrees stay."""
+    Vertices of a face that would rotate by over 60 degrees stay."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # rounds that move single vertices back; after them, all vertices go back
+    retreats = 6  # rounds in which single vertices go back; then all vertices go back
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

@@ -2,7 +2,7 @@
 
 `SHAPES` lists the shapes by name. All are deterministic, in metres with z up and normals up or outward.
 Triangles are nearly equilateral and about `edge` metres wide. They form staggered rows, rings or a subdivided
-icosahedron, because stripes would follow the parallel diagonals of a grid."""
+icosahedron. They do not form a grid, because stripes would follow its parallel diagonals."""
 
 from collections.abc import Callable
 

@@ -40,8 +40,8 @@ def _above_ground(field: Field, k: float) -> Field:
 
 @shape
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
-    """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0. If edges are
-    longer than the widths of its details, the shape has no mouth, nostrils and hollow ears, and its ears are thicker.
+    """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0. With edges
+    too long for these details, the shape has no mouth, no nostrils, and thicker ears that are not hollow.
     height : from the boundary to about the tips of the ears, metres."""
     neck = limb([(-0.26, 0, -0.15), (-0.25, 0, 0.06), (-0.17, 0, 0.3), (-0.09, 0, 0.55), (-0.05, 0, 0.74)],
         [0.165, 0.155, 0.135, 0.12, 0.11], 0.1)  # fmt: skip
@@ -214,7 +214,7 @@ OPENINGS = (0.22, 0.5, 0.78)  # Heights of the tower's openings, as shares of it
 @shape
 def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13, edge: Length = 0.5) -> Surface:
     """A deck on an arch with a wall between them, genus 0: along x, as wide as a road, abutments down to z = 0.
-    span : length of the deck, metres.    rise : rise of the arch's underside over the span."""
+    span : length of the deck, metres.    rise : rise of the arch's underside, divided by the span."""
     crown = rise + 0.075
 
     def deck(P: Floats) -> Floats:

@@ -24,8 +24,8 @@ from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_bo
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5  # Edges over 4/3 of the wanted length are halved, edges under 4/5 collapse.
 ROUNDS, POLISH = 5, 10  # Numbers of rounds that change the number of vertices, and of later rounds of flips and moves.
-LEAST_TURN_COSINE = 0.3  # Cosine of the largest turn of a face in one step, about 70 degrees.
-FOLDED = -0.5  # Two faces form a fold if the cosine between their normals is lower, at angles over 120 degrees.
+LEAST_TURN_COSINE = 0.3  # Cosine of the largest rotation of a face in one step, about 70 degrees.
+FOLDED = -0.5  # Two faces form a fold if the cosine of the angle between their normals is lower (120 degrees).
 
 
 class MeshChart(Protocol):
@@ -213,7 +213,7 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
     """Return the field of a tube with round ends along a polyline; its radius is linear between the corners.
-    soft : width of the fillets at its joints, over the smallest radius."""
+    soft : width of the fillets at its joints, divided by the smallest radius."""
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
     return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
 
@@ -262,7 +262,7 @@ def smooth_union(fields: Sequence[Field], k: float) -> Field:
 
 
 def smooth_difference(field: Field, cut: Field, k: float) -> Field:
-    """Return the field of a solid outside of a second solid; the edge of the cut is rounded by about k metres."""
+    """Return the field of a first solid without a second solid; the edge of the cut is rounded by about k metres."""
     return lambda P: -smooth_minimum(-field(P), cut(P), k)
 
 
@@ -279,7 +279,7 @@ def mirror_union(field: Field, axis: int = 1) -> Field:
 
 @dataclass(frozen=True)
 class LevelSet:
-    """The zero set of a field as a chart, with the points as coordinates; the border lies at z = floor."""
+    """The zero set of a field as a chart. The coordinates are those of the points; the border lies at z = floor."""
 
     field: Field
     reach: float
@@ -317,7 +317,7 @@ def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None
         bottom[2] = floor
     x, y, z = size = top - bottom
     check_density(2 * float(x * y + y * z + z * x), edge)
-    # coarser cells lose details, and edges of finer cells collapse again
+    # coarser cells lose details; finer cells only give edges that collapse again
     cells = np.maximum(np.ceil(size / (1.3 * edge)), 4).astype(int)
     nodes = [np.linspace(a, b, n + 1) for a, b, n in zip(bottom, top, cells, strict=True)]
     z, y, x = np.meshgrid(nodes[2], nodes[1], nodes[0], indexing="ij")

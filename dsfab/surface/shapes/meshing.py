@@ -14,7 +14,7 @@ from dsfab.core.limits import POSSIBLE_SIZE
 from dsfab.surface.mesh import Surface
 
 P = ParamSpec("P")
-Length = Annotated[float, Gt(0), Le(POSSIBLE_SIZE[1])]  # Metres, within the limits of any surface.
+Length = Annotated[float, Gt(0), Le(POSSIBLE_SIZE[1])]  # A length in metres, up to the largest size of a surface.
 ROW = np.sqrt(3) / 2  # Ratio of height to edge of an equilateral triangle.
 
 
@@ -93,7 +93,7 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """Return the angles (k,) of each ring's vertices, in full turns; equal adjacent rings alternate by half a step."""
+    """Return the angles (k,) of each ring's vertices, in full turns. Adjacent equal rings are half a step apart."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0

@@ -25,7 +25,7 @@ def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Sur
 @shape
 def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, edge: Length = 0.22) -> Surface:
     """A vault of circular section: length along x, span along y, supports at z = 0, height `rise` at the crown.
-    Area length x radius x opening angle, for radius = (span^2 / 4 + rise^2) / (2 rise)."""
+    Its area is length x radius x opening angle, for radius = (span^2 / 4 + rise^2) / (2 rise)."""
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     half = np.arctan2(span / 2, radius - rise)
     check_density(2 * half * radius * length, edge)
@@ -88,7 +88,7 @@ def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: flo
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
     i, j = (x.ravel() for x in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
     lattice = edge * np.stack([i + j / 2, j * np.sqrt(3) / 2], axis=1)
-    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # nearer points would form flat triangles
+    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # closer points would form flat triangles
     F = Delaunay(P).simplices.astype(np.int64)
     u, v = P[F[:, 1]] - P[F[:, 0]], P[F[:, 2]] - P[F[:, 0]]
     twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
@@ -149,7 +149,7 @@ class _Wedge:
 
     def __init__(self, half: float, half_foot: float, ground: float, top: float, edge: float) -> None:
         self.half, self.half_foot, self.ground, self.edge = half, half_foot, ground, edge
-        # circle through the foot's end, its mirror image, and the top; centre on the ray at angle `half`
+        # the circle goes through the foot's end, its mirror image, and the top; the centre is at angle `half`
         across, along = ground * np.sin(half - half_foot), ground * np.cos(half - half_foot)
         dip = along - top
         if abs(dip) < 1e-3 * ground:  # bend a nearly straight arch a little

@@ -27,7 +27,7 @@ class Base:
     between: Callable[[Bools], Bools]
 
     def parts(self, marks: Bools) -> list[Floats]:
-        """Return the points (k, 3) of each connected part of the sheet at marked vertices (n,) of the surface."""
+        """Return the points (k, 3) of the sheet at marked vertices (n,) of the surface, for each connected part."""
         marked = self.between(marks)
         touching = marked[self.sheet.F].any(axis=1)
         if not touching.any():
@@ -46,7 +46,7 @@ class Base:
         return f"({x:.4g}, {y:.4g}, {z:.4g})"
 
 
-ROUND = 48  # Number of sides of the prisms for round holes and dowels; their area is 0.3 % under that of the circle.
+ROUND = 48  # Number of sides of the prisms for round holes and dowels; their area is 0.3 % smaller than the circle's.
 
 
 def positive(extra: object, *names: str) -> None:
@@ -78,7 +78,7 @@ def united_bodies(bodies: list["manifold3d.Manifold"]) -> "manifold3d.Manifold":
 
 
 def drill(point: Floats, axis: Floats, diameter: float, length: float) -> "manifold3d.Manifold":
-    """Return a round prism of a length along an axis (3,); its centre is at a point (3,), metres."""
+    """Return a round prism along an axis (3,), with its centre at a point (3,); diameter and length in metres."""
     import manifold3d
 
     z = unit((float(axis[0]), float(axis[1]), float(axis[2])), "thickening.extra: axis")

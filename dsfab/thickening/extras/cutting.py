@@ -29,7 +29,7 @@ class Holes:
     kind: Literal["holes"] = "holes"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid with the holes; raises SolidError for a hole without material."""
+        """Return the solid with the holes; raises SolidError for a hole that meets no material."""
         positive(self, "diameter", "depth")
         for number, point in enumerate(self.at, 1):
             drilled = solid - drill(np.array(point), np.array(self.axis), self.diameter, self.depth)
@@ -106,7 +106,7 @@ class SplitBodies:
         return np.asarray(np.linspace(low, high, int(np.ceil((high - low) / bed - 1e-9)) + 1))
 
     def _drills(self, solid: "manifold3d.Manifold", axis: int, levels: list[Floats]) -> list["manifold3d.Manifold"]:
-        turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])  # z is now the axis or its opposite
+        turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])  # the axis is now parallel to z
         ups = [(2, 1), (0, 2), (0, 1)][axis]
         drills = []
         for level in levels[axis][1:-1]:

@@ -19,11 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Feet:
-    """`kind = "feet"`: a block under each part of the sheet that contains picked vertices, united with the sheet.
+    """`kind = "feet"`: a vertical block (z) under each part of the sheet with picked vertices, united with the sheet.
     at     : vertices that get feet.    height : depth of a block below the lowest picked vertex of its part, metres.
     margin : border of a block around the picked vertices, metres.
-    sink   : height of a block above the lowest vertex, metres, so that block and sheet overlap. Blocks stand along z.
-    """
+    sink   : height of a block above the lowest vertex, metres, so that block and sheet overlap."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: Picker
@@ -96,9 +95,9 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
 
 
 def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return points (k, 3) where a loop bends; direction and normal (k, 3) of the sides that begin at these points.
-    The normal of a side is that of its face, turned so that the surface lies left of the loop. On a one-sided strip the
-    loop runs along both edges of the strip, and the normal turns with the loop."""
+    """Return points (k, 3) where a loop bends, and direction and normal (k, 3) of the sides that begin at these points.
+    The normal of a side is that of its face, on the side from which the surface lies left of the loop. On a one-sided
+    strip the loop runs along both edges of the strip, and the normal changes its side with the loop."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
     edge = np.searchsorted(edges.ends @ [surface.n, 1], ends @ [surface.n, 1])
@@ -119,7 +118,7 @@ def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: f
     P : (k, 3) corners of the centre line.    along, normal : (k, 3) unit vectors of the sides that begin there.
     The bar's sections at corners lie in the bisecting planes, stretched so that the bar has a constant width."""
     before = np.roll(along, 1, axis=0)
-    sharpest = 0.2  # least cosine of half a corner's turn; there the mitre is five times the bar's width
+    sharpest = 0.2  # smallest cosine of half the angle at a bend; the mitre is then five bar widths long
     middle = before + along
     cosine = np.maximum(np.linalg.norm(middle, axis=1) / 2, sharpest)
     middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), sharpest)

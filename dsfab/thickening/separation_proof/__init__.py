@@ -2,7 +2,7 @@
 
 A grid of boxes divides the surface; a box and the boxes around it form its block. The axis of a box is the mean normal
 of its faces. The prisms of a box meet no other prisms under two conditions. First, all skin normals of the block are
-within 90 degrees of the axis. Second, the rim of the block runs around the box's cylinder exactly once, outside of it.
+within 90 degrees of the axis. Second, the rim of the block runs outside the box's cylinder, and exactly once around it.
 Then projections of the prisms along the axis do not overlap."""
 
 from dataclasses import dataclass
@@ -71,7 +71,7 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
     for corner in uncut.F.T:
         np.maximum(reach, lengths(uncut.V.take(corner, axis=0) - middle) + size[corner] + error, out=reach)
     low, extent = (np.array([box(column) for column in middle.T]) for box in (np.min, np.ptp))
-    box_limit = 2e7  # including empty boxes
+    box_limit = 2e7  # empty boxes included
     least_widths = (uncut.area / count) ** 0.5, (extent.prod() / box_limit) ** (1 / 3), extent.max() / box_limit**0.4
     width = max(2.1 * reach.max(), *least_widths)
     place = np.floor((middle - low) / width).astype(np.int64) + REACH
@@ -101,8 +101,8 @@ Three = tuple[Floats, Floats, Floats]
 
 
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return a mask (m',) of the cells whose prisms may be folded, the least cosine (k,) between the skin normals
-    and the axis of each box, and the radius (m',) of each prism about its middle, metres."""
+    """Return a mask (m',) of the cells whose prisms may be folded, a cosine (k,) for each box, and the radius (m',) of
+    each prism about its middle, metres. The cosine is the smallest between the box's axis and its skin normals."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -121,7 +121,7 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return a mask (m,) of folded prisms, the least cosine (m,) of skin normals to an axis, and the radii (m,).
+    """Return a mask (m,) of folded prisms, the least cosine (m,) between skin normals and an axis, and the radii (m,).
     upper, lower : corners (3 xyz, 3 corners, m) with errors up to e. A determinant of three vectors up to r long has an
     error of 3 r^2 e. The normal of a triangle with sides up to s has an error of 4 s e."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
@@ -152,7 +152,7 @@ def _dot(a: Three, b: Floats | Three) -> Floats:
 
 
 def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
-    """Return a mask (k,) of the boxes whose axis is within 90 degrees of all skin normals of their block."""
+    """Return a mask (k,) of the boxes whose axis makes less than 90 degrees with all skin normals of their block."""
     spread = np.arccos(np.clip(cosine, -1, 1))
     visible = spread < np.pi / 2
     every = np.arange(len(visible))
@@ -165,7 +165,7 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Return a mask (k,) of the accepted boxes around whose cylinder the rim of their block runs exactly once."""
+    """Return which accepted boxes (k,) have a simple rim: the rim of their block runs around their cylinder once."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)

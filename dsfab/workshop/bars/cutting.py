@@ -16,9 +16,8 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE
 from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, half_plane_clip, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Bolt diameters from the fold to the first bolt, between bolts, and to the plate's end; the first row that fits
-counts."""
-LEG_NAME = "ground"  # name of a plate's leg, because a leg has no bar that gives it a name
+"""Bolt diameters from fold to first bolt, between bolts, and to the plate's end; the first row that fits is used."""
+LEG_NAME = "ground"  # name of a plate's leg; the other arms have the names of their bars
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class BarStock:
         return (self.bar + self.plate) / 2
 
     def bolt_stations(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
-        """Return distances from a bar's beginning to its bolts and the plate's end (m); no bolts in too short a bar."""
+        """Return distances from a bar's beginning to its bolts and the plate's end (m); none if a bar is too short."""
         clear, room = BAR_CLEARANCE * self.bolt, bar.length / 2
         for *steps, end_distance in BOLT_SPACINGS:
             stations = clear + self.bolt * np.cumsum(steps)
@@ -64,7 +63,7 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
-    """Yield half planes a . x <= b that keep a bar clear of its neighbours; axes along the bar and to its left."""
+    """Yield half planes a . x <= b that keep a bar clear of its neighbours; x : metres along and left of the bar."""
     for side, gap in ((1, end.after), (-1, end.before)):
         if 0 < gap < np.pi:
             c, s = np.cos(gap / 2), np.sin(gap / 2)

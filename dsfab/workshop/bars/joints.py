@@ -23,8 +23,8 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE, LEAST_BAR, Bay, Lattice, 
 from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
-FLAT_SINE = np.sin(np.radians(5.0))  # sine of the least slope that a surface needs at a support for a leg
-LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: least bolt diameters, or share of the narrowest member
+FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope of a surface at which a support gets a leg
+LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: smallest one in bolt diameters, usual one in member widths
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 """Anchor diameters from the fold to the first anchor, from there to the second, and from there to the leg's end."""
 
@@ -56,7 +56,7 @@ class Leg:
 @dataclass(frozen=True, eq=False)
 class Footing:
     """Ground contact of a structure: its supports (q, 3) in metres, unit vector `up` (3,), and diameter of anchors (m).
-    reach : largest distance (m) from a node to its support, to which 0.75 of the widest member's width is added."""
+    reach : largest distance (m) from a node to its support; 0.75 of the widest member's width is added to it."""
 
     supports: Floats
     up: Floats
@@ -90,7 +90,7 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return plates of a thickness (m) with legs below strips at supports, and names of nodes on too flat a surface."""
+    """Return plates (thickness in metres) with legs below strips at supports, and names of nodes too flat for a leg."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(member.mean_width for member in node_members) for node_members in members]
@@ -140,7 +140,7 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
 
 
 SQUARE_ANGLE = np.radians(70.0)
-"""Smallest angle between bars with square ends, which begin far from the node; bars at sharper angles have mitres."""
+"""Smallest angle between bars with square ends. Bars at sharper angles have mitres, to begin closer to the node."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +194,7 @@ class LatticeBar:
 @dataclass(frozen=True, eq=False)
 class Joint:
     """Node with its bars and its plate.
-    bars : bars counter-clockwise, as pairs of the bar's number and of 0 for the bar's beginning or 1 for its end.
+    bars : counter-clockwise pairs (bar number, end); end is 0 if the bar starts at this node, and 1 if it ends here.
     half : half width of the plate's arms (m).    root : approximate distance from the node to the folds (m).
     leg  : leg of the plate at a support."""
 
@@ -250,13 +250,13 @@ class _BayEnds:
     opposite: Ints
 
     def dip(self, directions: Floats, N: Floats) -> Floats:
-        """Return the dip (2 b,) of directions (2 b, 3), their angle below the planes of nodes with normals N (n, 3)."""
+        """Return the angle (2 b,) of directions (2 b, 3) below the planes of nodes with normals N (n, 3), radians."""
         sines = np.einsum("qi,qi->q", directions, N[self.node]) / np.linalg.norm(directions, axis=1)
         return np.asarray(-np.arcsin(sines))
 
 
 def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: float) -> BarLattice:
-    """Return bars of a thickness (m) for all bays of a lattice, with bolts of a diameter (m)."""
+    """Return bars for all bays of a lattice. thickness : of the bars (m). bolt : diameter of the bolts (m)."""
     ends = np.array([bay.ends for bay in lattice.bays], dtype=np.int64).reshape(-1, 2)
     count = len(ends)
     opposite, widths = np.roll(np.arange(2 * count), count), np.tile([bay.width for bay in lattice.bays], 2)
@@ -266,7 +266,7 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
     chord = P[bay_ends.node[bay_ends.opposite]] - P[bay_ends.node]
     level = _level_directions(chord, N[bay_ends.node])
-    # bars begin beside their nodes, so they dip about 1.5 times as much as the lines between nodes
+    # bars begin at a distance from their nodes, so they dip about 1.5 times as much as lines between the nodes
     lean = 1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N)))
     orders = [_counter_clockwise(np.flatnonzero(bay_ends.node == k), level, N[k]) for k in range(len(P))]
     lengths = np.linalg.norm(chord, axis=1)
@@ -306,10 +306,10 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
     """Return half the width of a node plate's arms, and the distance of their folds from the node (m). At right angles,
-    bars can begin at half of their width from the node. At sharper angles, and if they lean, bars begin farther away.
+    bars can begin at half of their width from the node. They begin farther away at sharper angles, and if they slope.
     Short bars begin closer to the node and get mitres. Arms at sharp angles are narrower, but wide enough for bolts;
-    this moves their folds outwards."""
-    notch = 0.9  # distance from the node to the corner between two arms, over the distance to the bars
+    therefore their folds are farther out."""
+    notch = 0.9  # ratio of the distances from the node to the corner between arms, and to the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())
@@ -321,7 +321,7 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
     node_points = P[bay_ends.node]
     roots = node_points
-    for _ in range(rounds):  # each round moves the roots e / (distance - e) times as far as the last round
+    for _ in range(rounds):  # each round moves the roots e / (distance - e) times as far
         level = _level_directions(roots[bay_ends.opposite] - node_points, N[bay_ends.node])
         roots = node_points + root[bay_ends.node][:, None] * level
     return roots

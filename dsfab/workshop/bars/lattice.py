@@ -14,8 +14,8 @@ from dsfab.surface import link_components
 from dsfab.workshop.development import PARALLEL_SHARE
 from dsfab.workshop.strips import STRIP_KINDS
 
-BAR_CLEARANCE = 0.25  # clearance in bolt diameters between neighbouring bars, and from the fold of a plate to a bar
-LEAST_BAR = 4.0  # shortest bar on a plate, in bolt diameters: one bolt, and two diameters on both sides of the bolt
+BAR_CLEARANCE = 0.25  # clearance between neighbouring bars, and from a plate's fold to a bar, in bolt diameters
+LEAST_BAR = 4.0  # shortest bar on a plate, in bolt diameters: two on each side of its only bolt
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
 
 
 def _smooth_normal(graph: MemberGraph, node: Node) -> Floats:
-    """Return the mean normal (3,) of the fitted axes; its error is 0.006 degrees, that of a face normal 0.34."""
+    """Return the mean normal (3,) of the fitted axes at a node. Its error is 0.006 degrees; a face normal has 0.34."""
     members = [(graph.by_id[name].axis, s) for name, s in zip(node.members, node.at, strict=True)]
     normals = [axis.frames_at(np.array([s]))[2][0] for axis, s in members if axis is not None and np.isfinite(s)]
     total = np.sum([n * np.sign(n @ node.normal) for n in normals], axis=0) if normals else node.normal

@@ -125,7 +125,7 @@ def _names(names: tuple[str, ...]) -> str:
 
 
 BAR_QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-"""Corners of a bar's six sides as seen from outside. Bit 1 of a corner number means up, bit 2 left, bit 4 end."""
+"""Corners of a bar's six sides, in order as seen from outside. A corner's number sums 1 for up, 2 left, and 4 end."""
 
 
 @dataclass(frozen=True, eq=False)

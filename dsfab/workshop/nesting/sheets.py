@@ -50,7 +50,7 @@ def nest_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, grain: bool = False, prices: Sequence[float] = ()
 ) -> list[NestedSheet]:
     """Nest all parts on sheets of the stock, `gap` metres apart and from the edges.
-    stock  : lengths and widths (m).    grain : whether parts of members lie along the sheets only.
+    stock  : lengths and widths (m).    grain : true if parts of members must lie lengthwise on the sheets.
     prices : price of a sheet of each size.
 
     The cheapest trial wins, or without prices the trial with the least area. A trial begins with one size, or takes for
@@ -166,9 +166,9 @@ def _fill_sheets(
 
 
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
-    """Return the least distance between closed polygons (k, 2), and from them to the edges of their sheet (m).
-    The distance is 0 for overlaps, and negative beyond an edge.
-    size : size of the sheet (m).    enough : pairs whose boxes are farther apart are not measured (m)."""
+    """Return the smallest distance between closed polygons (k, 2), and from them to the edges of their sheet (m). It is
+    0 for overlaps, and negative beyond an edge.
+    size : size of the sheet (m).    enough : distance between boxes (m) above which a pair is not measured."""
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
     distances = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
     for (P, (a, b)), (Q, (c, d)) in combinations(zip(outlines, boxes, strict=True), 2):
@@ -203,7 +203,7 @@ def require_spyrrow() -> None:
 
 
 def with_fewer_sheets(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
-    """Return the same parts on fewer sheets if possible. grain : whether parts of members lie along the sheets only."""
+    """Return the same parts on fewer sheets if possible. grain : true if parts of members must lie lengthwise."""
     # the limit counts trials, because with a limit in seconds results would depend on the machine
     remaining, tries = list(sheets), iter(range(24))
     while len(remaining) > 1:

@@ -15,9 +15,9 @@ ROUNDING = 1e-9  # tolerance for rounding errors (m)
 
 @dataclass(frozen=True, eq=False)
 class PartShape:
-    """Turned part: lower and upper edges (k,) in k columns (m), moved outwards by half of the gap.
+    """A rotated part: its lower and upper edges (k,) in k columns (m), moved outwards by half of the gap.
     low : (2,) lowest corner of its box.    size : (2,) size of its box.    top : highest value of the upper edge.
-    total : sum of the lower edge's values.    thick : largest height between both edges."""
+    total : sum of the lower edge over the columns.    thick : largest height between both edges."""
 
     part: FlatPart
     turn: float
@@ -32,7 +32,7 @@ class PartShape:
 
 @dataclass(frozen=True)
 class ColumnGrid:
-    """Gap, column width and largest height of a part (m), and whether parts of members lie along the sheets only."""
+    """Gap, column width and largest height of a part (m), and whether parts of members must lie lengthwise."""
 
     gap: float
     step: float
@@ -75,7 +75,7 @@ def _column_count(size: Floats, grid: ColumnGrid) -> int:
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
     """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, moved outwards by half of the gap.
-    Method: each side is moved by the corners of a regular polygon around a circle of this radius."""
+    Method: Minkowski sum of the polygon's sides with a regular polygon around a circle of this radius."""
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count
@@ -95,7 +95,7 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the minimum or maximum (k,) of segments in each of k columns between corners (k + 1,).
+    """Return the minimum or maximum (k,) of segments in each of k columns between the columns' ends `corner` (k + 1,).
     p, q : (s, 2) ends of the segments, p left of q."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
@@ -113,7 +113,7 @@ def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Float
 
 @dataclass(frozen=True, eq=False)
 class NestedPart:
-    """Part turned by a multiple of 90 degrees (radians) and moved to its place on a sheet (m)."""
+    """Part rotated by a multiple of 90 degrees (radians) and moved to its place on a sheet (m)."""
 
     part: FlatPart
     turn: float
@@ -127,7 +127,7 @@ class NestedPart:
 
 @dataclass(eq=False)
 class SheetGap:
-    """Free room below a part: first column, floor (k,) and ceiling (k,) of k columns (m); high : largest height."""
+    """Free space below a part: first column, floor (k,) and ceiling (k,) of k columns (m); high : largest height."""
 
     begin: int
     floor: Floats
@@ -162,8 +162,8 @@ class OpenSheet:
 
 
 def empty_sheet(size: tuple[float, float], grid: ColumnGrid) -> OpenSheet:
-    """Return an empty sheet of a length and a width (m)."""
-    columns = int(np.ceil((size[0] - grid.gap) / grid.step))  # the last column may pass the sheet's edge
+    """Return an empty sheet with the size (length, width), metres."""
+    columns = int(np.ceil((size[0] - grid.gap) / grid.step))  # the last column may extend beyond the sheet's edge
     return OpenSheet(size, np.full(columns, grid.gap / 2), size[0] * size[1], grid.gap / 2)
 
 
@@ -175,7 +175,7 @@ class _PartPlace(NamedTuple):
 
 
 def place_part(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid) -> bool:
-    """Put a part on a sheet in one of its turns, and return whether the part fits."""
+    """Put a part on a sheet in one of its rotations, and return whether the part fits."""
     a, b, area = float(turns[0].size[0]), float(turns[0].size[1]), turns[0].part.area
     if sheet.free_area < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
         return False

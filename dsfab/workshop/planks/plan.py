@@ -2,7 +2,7 @@
 
 A plank is the ruled surface P(s) + y N(s), with the normal -B = -N x T on the axis. The flat plank bends by kn in its
 own plane. In the structure it bends by kg across this plane and twists by tg. The twist makes the edges of a plank of
-depth h longer than drawn, by a strain of tg^2 h^2 / 8."""
+depth h longer than on the drawing, by a strain of tg^2 h^2 / 8."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

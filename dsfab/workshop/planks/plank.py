@@ -17,7 +17,7 @@ from dsfab.workshop.splices import SCARF_SLOPE, box_fits, lap_marks, lapped_span
 from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, UNCERTAIN_WIDTHS, letter_height
 
 EdgeStations = tuple[tuple[float, float], tuple[float, float]]
-"""Arc lengths of a plank's beginning at its right and left edge, and of its end at both edges."""
+"""Arc lengths of a plank's beginning at its right and left edge, then of its end at these edges."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class Plank:
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the assembly direction of the piece at an arc length; None without crossings or if it cannot slide."""
+        """Return the assembly direction of the piece at an arc length; None if it has no crossings or cannot slide."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
@@ -234,7 +234,7 @@ class Plank:
         course, y = self.course, self.stock.depth / 2
         past = 0.0 if course.closed else min(UNCERTAIN_WIDTHS * self.member.mean_width, (course.end - course.begin) / 3)
         inside = (course.s >= course.begin + past) & (course.s <= course.end - past)
-        kn, tg = course.kg[inside], course.tg[inside]  # curvatures of the surface; an upright plank swaps kn and kg
+        kn, tg = course.kg[inside], course.tg[inside]  # the surface's kn and kg are swapped in an upright plank
         parts.bends[self.member.id] = self.stock.thickness / 2 * float(np.abs(course.kn[inside]).max(initial=0.0))
         elongations = [np.hypot(1 - side * kn, side * tg) - (1 - side * kn) for side in (y, -y)]
         parts.longer[self.member.id] = max(float(np.trapezoid(x, course.s[inside])) for x in elongations)

@@ -21,8 +21,8 @@ from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import FlatPart
 
 SLIDE_ANGLE = float(np.radians(10.0))
-"""Largest angle (radians) between the assembly direction of a piece and the normals at its nodes. Slots open by this
-angle. A plank that would need a larger angle is spliced."""
+"""Largest angle (radians) between the assembly direction of a piece and the normals at its nodes. Slots are widened for
+this direction. A plank that would need a larger angle is spliced."""
 
 
 def largest_deviation(normals: Floats) -> float:
@@ -31,7 +31,7 @@ def largest_deviation(normals: Floats) -> float:
 
 
 def middle_direction(normals: Floats) -> Floats:
-    """Return the unit vector (3,) midway between the two of the unit vectors (q, 3) with the largest angle."""
+    """Return the unit vector (3,) midway between those two of the unit vectors (q, 3) that make the largest angle."""
     i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
     direction = normals[i] + normals[j]
     return np.asarray(direction / np.linalg.norm(direction))
@@ -48,7 +48,7 @@ LEAST_DEGREES = 30.0
 class Crossing:
     """Two planks at a node.
     members : lower plank and upper plank.    at : (2,) arc length on the axis of each plank (m).
-    rise    : height of the upper axis over the lower axis (m).    normal : (3,) unit vector.
+    rise    : height of the upper axis above the lower axis (m).    normal : (3,) unit vector.
     ways    : (2, 3) unit tangents of both planks, perpendicular to the normal.
     angle   : angle between the tangents, at most 90 degrees (radians)."""
 
@@ -97,7 +97,7 @@ class PlankCrossings:
 
 
 def slot_width(thickness: float, angle: float) -> float:
-    """Return the width of a slot (m) for planks of a thickness that cross at an angle (radians)."""
+    """Return the width of a slot (m) for planks with equal thickness (m) that cross at an angle (radians)."""
     return float(thickness / np.sin(angle) + thickness / np.tan(angle))
 
 
