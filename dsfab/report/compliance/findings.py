@@ -214,7 +214,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Return the cases and combinations that get a figure; only decisive combinations by a standard get one."""
+        """Return the cases and combinations with a figure; of a standard's combinations, only the decisive ones."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = set[str]()
         if self.carries:

@@ -286,7 +286,7 @@ def failed_sections(
     versions: Mapping[str, str],
     preset: str,
 ) -> list[ReportSection]:
-    """Return all sections for a design without equilibrium; they hold no displacements, stresses and reactions."""
+    """Return all sections for a design without equilibrium; they hold no displacements, stresses or reactions."""
     return [
         _failed_summary(findings, pictures, number),
         checks_section(findings, number),

@@ -27,7 +27,7 @@ from dsfab.statics import elements_of
 from dsfab.study.alternatives import Competitor
 from dsfab.surface import Surface
 
-AWAY_FROM_CORNERS = "further than a rib's width from corners"  # Only here the largest stress converges.
+AWAY_FROM_CORNERS = "further than a rib's width from corners"  # At corners the largest stress diverges.
 DUST = 5e-5  # A force below this share of the largest force is shown as 0.
 
 
@@ -336,7 +336,7 @@ def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Ta
 
 
 def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return all competitors with mass, compliance, displacement, stress and level of judgement."""
+    """Return all competitors with mass, compliance, displacement, stress, and level of judgement (full or quick)."""
     rows = [_rival_row(findings, competitor) for competitor in findings.compared.competitors]
     _, unit = prefixed_unit(findings.reference_compliance, "J")
     head = (

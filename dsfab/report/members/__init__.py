@@ -155,7 +155,7 @@ def bay_values(design: Design) -> Floats:
 
 
 def worst_member_words(utilisation: Utilisation) -> str:
-    """Return the most used member with its utilisation, for example 'B10, 63 %'."""
+    """Return the member with the largest utilisation and its value, for example 'B10, 63 %'."""
     worst = utilisation.order[0]
     return f"{utilisation.bays.member[worst]}, {percent(float(utilisation.largest[worst]))}"
 
@@ -180,7 +180,7 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSe
 
 
 def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return the most used members, each with its decisive clause and forces."""
+    """Return the members with the largest utilisation, each with its decisive clause and forces."""
     bays = utilisation.worst_bays(WORST_COUNT)
     decisive = []
     for bay in bays:
@@ -217,7 +217,7 @@ def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
 
 
 def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
-    """Return force diagrams of the most used members."""
+    """Return force diagrams of the members with the largest utilisation."""
     utilisation = design.member_utilisation
     rows = [(utilisation.bays.member[b], utilisation.governing(b)[1]) for b in utilisation.worst_bays(WORST_COUNT)]
     several = len(utilisation.bays.forces) > 1
@@ -260,7 +260,7 @@ def scope_section(utilisation: Utilisation) -> ReportSection:
 
 
 def members_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return a list of all members in three columns, the most used member first."""
+    """Return a list of all members in three columns, the member with the largest utilisation first."""
     ranked, limit = sorted(utilisation.by_member.items(), key=lambda item: -item[1]), 400
     shown = [(name, percent(value)) for name, value in ranked[:limit]]
     third = -(-len(shown) // 3)
@@ -277,7 +277,7 @@ STRUCTURE_FILE = "structure.html"  # Name of the interactive page for clients.
 
 def member_report(design: Design, command: str) -> Document:
     """Return the report on the utilisation of members. command : command line that repeats the report.
-    Raises StaticsError for a material without code and strength, and if nothing carries the loads."""
+    Raises StaticsError for a material with neither a code nor a strength, and if nothing carries the loads."""
     utilisation, number, library_versions = design.member_utilisation, CaptionNumbers(), versions()
     facts = [
         ("Design", design.preset.name),
