@@ -227,7 +227,7 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
     if not strength:
         raise DsfabError("utilisation needs a strength to compare with: --set statics.strength=235e6 (Pa, steel S235)")
     share = stress.utilisation(strength)
-    words = f"stress over a strength of {stress_label(strength)}, largest {share.max():.0%}, uncut sheet, {by}"
+    words = f"stress / strength of {stress_label(strength)}, largest {share.max():.0%}, uncut sheet, {by}"
     return utilisation_colouring(share, words)
 
 

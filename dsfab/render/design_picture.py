@@ -64,7 +64,7 @@ def analysis_picture(design: Design, judged: "Carrying", look: Look = ANALYSIS_L
         faces = Colouring(uncoloured, words="; ".join(judged.faults))
     elif strength:
         faces = utilisation_colouring(
-            judged.stress / strength, f"{before} - stress over strength {stress_label(strength)}"
+            judged.stress / strength, f"{before} - stress / strength of {stress_label(strength)}"
         )
     else:
         faces = scaled_colouring(judged.stress, stress_label, f"{before} - stress; no strength to compare it with")

@@ -102,7 +102,7 @@ def refolded_pages(
         MemberFaces(strip.id, colours[strip.member], strip_quads(strip, piece, plan.planks is not None))
         for strip in parts_in_space.strips
     ]
-    caption = f"{len(parts)} flat parts, bent back by their lengths on the drawings, each in its place."
+    caption = f"{len(parts)} flat parts, bent back to their places by the lengths on the drawings."
     if len(parts_in_space.deviations):
         joint_words = "slots of two planks at nodes" if plan.planks else "holes at nodes"
         gap_words = "beside each other" if plan.planks else "off the line of their bolt"

@@ -47,7 +47,7 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
 NAMES = {
     "design": "this design",
     "isotropic": "isotropic, best pair of modes",
-    "rotated": "turned by 45°, best pair",
+    "rotated": "rotated by 45°, best pair",
     "thinner": "whole sheet, thinner",
     "von_mises": "von Mises stripes",
     "grid": "straight grid",
@@ -103,7 +103,7 @@ def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapp
     for formatter in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
         formatter(lambda value, _: f"{value:g}" if f"{value:g}".strip("0.")[:1] in "1235" else "")
     axes.set_xlabel(f"mass, {unit}")
-    axes.set_ylabel("compliance over that of the full sheet")
+    axes.set_ylabel("compliance / compliance of the whole sheet")
     if title:
         axes.set_title(title, fontsize=11, loc="left")
     to_share, to_mass = 100 / full_mass, full_mass / 100

@@ -32,9 +32,9 @@ def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
     if not carrying.faults:
         return ""
     if is_sized:
-        return "no thickness of the stock suffices: add supports (--stand), give the surface more rise, or load it less"
+        return "no thickness of the stock suffices: add supports (--stand), make the surface higher, or reduce loads"
     thicker = f"make it thicker (--set statics.thickness={1.25 * carrying.thickness:.2g})"
-    return f"{thicker}, keep more material (--set pattern.width.solid_fraction=...), or support it otherwise"
+    return f"{thicker}, keep more material (--set pattern.width.solid_fraction=...), or change the supports"
 
 
 def figure_lines(carrying: "Carrying") -> Iterator[str]:
