@@ -90,7 +90,7 @@ def set_stage(
 def page_view(
     bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False
 ) -> View:
-    """Return the view in which bodies fill a picture, above a strip for words, or for words and a colour scale."""
+    """Return the view in which bodies fill a picture above a strip for words, with or without a colour scale."""
     aspect = size[0] / size[1]
     half, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
     return fit_view(np.concatenate([body.V for body in bodies]), side, (-half * aspect, half * aspect, bottom, top))

@@ -201,7 +201,7 @@ def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
 def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
-    """Return the light (k,) on the k drawn pixels, and the light (h, w) on the floor divided by its unshaded light.
+    """Return the light (k,) on pixels with bodies, and the light (h, w) on the floor divided by its unshaded light.
     floor : (3,) normal of the floor.    level : its height along this normal, scene units; None without a floor."""
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
@@ -219,7 +219,7 @@ def pixel_and_floor_light(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points and normals (3, k + spare) of the k drawn pixels, in scene units; the last `spare` are empty.
+    """Return points and normals (3, k + spare) of k pixels with bodies, in scene units; the last `spare` are empty.
     Points are in the order of strips of rows: neighbours are close in memory, which saves two thirds of the time."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):

@@ -135,7 +135,7 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
 
 
 def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float, eye: Floats) -> MarkMesh:
-    """Return slim arrows along a gradient (m, 3), long for steep gradients. lift, eye : as for `load_arrows`."""
+    """Return slim arrows along a gradient (m, 3), longer for larger gradients. lift, eye : as for `load_arrows`."""
     steep = np.linalg.norm(gradient, axis=1)
     if not steep.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)

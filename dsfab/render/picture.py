@@ -41,7 +41,7 @@ def png_bytes(pixels: Bytes) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Style of a picture. size : (width, height) in pixels.    letters : factor on the default size of letters.
+    """Style of a picture. size : (width, height) in pixels.    letters : size of letters, divided by the default size.
     up : direction (3,) of any length; None derives the direction from the structure."""
 
     size: tuple[int, int] = (1600, 1200)
@@ -124,7 +124,7 @@ def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Byte
 
 
 def _half_thickness(V: Floats, F: Ints) -> float:
-    """Return half of a thin solid's mean thickness (m): its volume divided by its area; 0 for a sheet."""
+    """Return half of a thin solid's mean thickness (m), its volume / area of its surface; 0 for a sheet."""
     a, b, c = (V[F[:, i]] - V.mean(axis=0) for i in range(3))
     area = np.cross(b - a, c - a)
     return abs(float(np.einsum("mi,mi->", a, area))) / 3 / float(np.linalg.norm(area, axis=1).sum())

@@ -23,7 +23,7 @@ FIELDS = ("modes", "widths", "kept")  # names of the three pairs of columns of `
 TIE = 2e-6  # margin (periods) for rounding errors: a half-width 0 must give no material, and 1/2 no opening
 
 # (wave(t) + 1) / 4 is the distance from t to the nearest half-integer; in material this distance exceeds 1/2 - d. The
-# vertex shader computes the linear part: in software rendering, each number read at a pixel takes time
+# vertex shader computes the linear part, because in software rendering each number that a pixel reads takes time
 _STRIPES = f"""
   vec2 dsWide = HALF;
   vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});

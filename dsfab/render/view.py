@@ -116,7 +116,7 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """Return a view almost along a plate's normal, from the side of +x or +z, or of -y for a plate in xz."""
+    """Return a view almost along a plate's normal: from the side of +x or +z, or of -y for a plate in the xz plane."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up
