@@ -39,7 +39,7 @@ SMALLEST_BUILDING = 2.5  # a pencil, not a person, shows the scale of models bel
 MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of main view and caption, divided by the picture's height
 MAIN_LIGHT, PANEL_LIGHT = LightQuality(8, 24, 6), LightQuality(2, 4, 1, 320, 192, (0.012, 0.05))
 """Light of the main view, and of smaller views."""
-LETTERS = 0.68  # factor on the default size of letters
+LETTERS = 0.68  # size of letters, divided by the default size
 PANEL_SHARE = 0.84  # a plan or an elevation fills at most this share of its panel's width and height
 WALL_VIEW = "24,9"  # azimuth and elevation (degrees) of the view of a standing plate
 
@@ -74,7 +74,7 @@ class ClientPicture:
         """Stage of the main view: first the solid, then the supports if there are any, last a person or a pencil.
         Raises DsfabError for a solid without faces."""
         if not len(self.F):
-            raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")
+            raise DsfabError("there is nothing to draw: the solid has no faces; lower the pattern's thresholds")
         palette, surface, up = self.look.palette, self.surface, self.up
         supports = building_supports(surface, self.load, up)
         level = ground_level(surface, supports, up, self.half)
@@ -130,9 +130,9 @@ class ClientPicture:
 @dataclass(frozen=True, eq=False)
 class AnalysisPicture:
     """Data of analysis.png, which a second process can draw: loads and supports on the left, stress on the right.
-    loaded  : the left half; the right half has the same view, size and colours.
+    loaded  : picture of the left half. The right half has the same view, size and colours.
     V, F    : cut sheet (n, 3) metres and (m, 3).    faces : colours of its faces, colour bar and caption.
-    callouts: notes on places of the cut sheet."""
+    callouts: notes that point to places of the cut sheet."""
 
     loaded: StructurePicture
     V: Floats
@@ -147,7 +147,7 @@ class AnalysisPicture:
         body, annotations = Body(self.V, self.F, faces.face, casts=True), replace(loaded.annotations, layers=())
         stage = set_stage(body, loaded.side, loaded.up, loaded.half, annotations, palette, size)
         half = 0.86 * size[0] / size[1]
-        stage = replace(stage, view=fit_view(self.V, loaded.side, (-half, half, -0.6, 0.6)))  # room for notes
+        stage = replace(stage, view=fit_view(self.V, loaded.side, (-half, half, -0.6, 0.6)))  # space for notes
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, PANEL_LIGHT)
         image = with_legend(image, legend(stage, faces.words, palette, size), palette)

@@ -134,7 +134,7 @@ def mode_gradient(design: "Design", show: str) -> Floats:
 
 
 def band_limit(limit: float) -> tuple[float, int]:
-    """Return a round number from `limit` upwards as the end of a colour scale, and a number of bands from 4 to 10."""
+    """Return a round number not below `limit`, as the end of a colour scale, and the number of its bands (4 to 10)."""
     if not limit > 0:
         return 1.0, 4
     step = round_length(limit / 4)
@@ -173,7 +173,7 @@ def stress_label(pascals: float) -> str:
 
 
 def force_label(newtons: float) -> str:
-    """Return a force in words with three digits: "1.2 kN", "350 N"; 999.9 N are 1 kN."""
+    """Return a force in words, rounded to three digits: "1.2 kN", "350 N". So 999.9 N become "1 kN"."""
     newtons = float(f"{newtons:.3g}")
     factor, unit = next(((f, u) for f, u in ((1e6, "MN"), (1e3, "kN"), (1.0, "N")) if newtons >= f), (1e-3, "mN"))
     return f"{newtons / factor:.3g} {unit}"
@@ -227,12 +227,12 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
     if not strength:
         raise DsfabError("utilisation needs a strength to compare with: --set statics.strength=235e6 (Pa, steel S235)")
     share = stress.utilisation(strength)
-    words = f"stress over a strength of {stress_label(strength)}, largest {share.max():.0%}, uncut sheet, {by}"
+    words = f"stress / strength of {stress_label(strength)}, largest {share.max():.0%}, uncut sheet, {by}"
     return utilisation_colouring(share, words)
 
 
 def utilisation_colouring(share: Floats, words: str) -> Colouring:
-    """Return colours of faces for utilisations (m,), violet above 1. words : for the caption."""
+    """Return colours of faces for utilisations (m,), violet above 1. words : text for the caption."""
     limited = np.minimum(share, 1.0)
     shown = scaled_colouring(limited, lambda value: f"{value:.2g}" if value < 0.01 else f"{value:.0%}", words)
     face = np.where((share > 1)[:, None], np.array(YIELD_COLOUR, dtype=np.uint8), shown.face)
@@ -275,7 +275,7 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # moves along the load
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # must move with the load
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

@@ -64,7 +64,7 @@ def analysis_picture(design: Design, judged: "Carrying", look: Look = ANALYSIS_L
         faces = Colouring(uncoloured, words="; ".join(judged.faults))
     elif strength:
         faces = utilisation_colouring(
-            judged.stress / strength, f"{before} - stress over strength {stress_label(strength)}"
+            judged.stress / strength, f"{before} - stress / strength of {stress_label(strength)}"
         )
     else:
         faces = scaled_colouring(judged.stress, stress_label, f"{before} - stress; no strength to compare it with")
@@ -158,7 +158,7 @@ class Pictures:
 def pictures_in_background() -> Iterator[Pictures]:
     """Yield `Pictures`; a second process draws them if this machine has more than one core.
     Raises DsfabError if this machine cannot draw."""
-    require_rendering()  # both processes take the chosen kind of window from the environment
+    require_rendering()  # chooses the kind of window for both processes, in an environment variable
     if (os.cpu_count() or 1) == 1:
         yield Pictures()
         return

@@ -42,7 +42,7 @@ class Annotations:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Bodies, camera and floor of a picture, and the ball around the structure: its `centre` (3,) and `radius` (m).
+    """Bodies, camera and floor of a picture, and a sphere around the structure: its `centre` (3,) and `radius` (m).
     level : height of the floor along `view.floor` (m); None without a floor."""
 
     bodies: list[Body]
@@ -90,7 +90,7 @@ def set_stage(
 def page_view(
     bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False
 ) -> View:
-    """Return the view in which bodies fill a picture, above a strip for words, or for words and a colour scale."""
+    """Return the view in which bodies fill a picture above a strip for words, with or without a colour scale."""
     aspect = size[0] / size[1]
     half, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
     return fit_view(np.concatenate([body.V for body in bodies]), side, (-half * aspect, half * aspect, bottom, top))
@@ -152,7 +152,7 @@ def person(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
     return foot + flat[:, :1] * right + flat[:, 1:] * up, np.concatenate(faces)
 
 
-# rows of the body have half width and height (m), from top to bottom; rows of limbs have middle, half width and height
+# rows from top to bottom, in metres: (half width, height) of the body; (middle, half width, height) of the limbs
 _BODY = [
     (0.002, 1.75), (0.040, 1.743), (0.064, 1.720), (0.077, 1.680), (0.078, 1.640), (0.070, 1.590), (0.053, 1.545),
     (0.047, 1.515), (0.052, 1.490), (0.090, 1.467), (0.145, 1.447), (0.188, 1.420), (0.200, 1.385), (0.180, 1.280),
@@ -169,7 +169,7 @@ _LEG = [
 
 GroundKind = Literal["paper", "white", "transparent"]  # ground of a picture
 FINER = light.FINE.finer  # factor by which a picture is drawn larger and then reduced, for smooth edges
-EDGE_COSINE = np.float32(0.87)  # an edge is drawn as a line if the normals of its faces have a smaller cosine
+EDGE_COSINE = np.float32(0.87)  # an edge becomes a line if the angle between its faces' normals has a smaller cosine
 
 
 def check_ground(ground: str) -> None:
@@ -186,7 +186,7 @@ def render_stage(
     quality: light.LightQuality = light.FINE,
     transparent: bool = False,
 ) -> "Image":
-    """Return the picture without words. transparent : whether to draw only shadows in place of the ground."""
+    """Return the picture without words. transparent : True draws no ground, only the shadows on it."""
     from PIL import Image
 
     finer = quality.finer
@@ -246,7 +246,7 @@ def _shaded_colours(pixels: Pixels, numbers: Ints, brightness: Floats32, lines: 
         flat = np.logical_or.reduce([code == mark for mark in fixed])
         amount = np.where(flat, np.float32(0.8) + np.float32(0.2) * brightness[part], brightness[part])
         amount *= 1 - np.where(flat, np.float32(0.12), np.float32(palette.ink)) * lines[part]
-        tone = np.minimum(amount, np.float32(1.25)) ** np.float32(1 / 2.2)  # bytes are not linear in light
+        tone = np.minimum(amount, np.float32(1.25)) ** np.float32(1 / 2.2)  # screens show light ~ byte^2.2
         colours[part] = np.minimum(colour * tone[:, None], 255).astype(np.uint8)
     return colours
 
@@ -257,8 +257,8 @@ def _codes(colours: Bytes) -> Ints:
 
 
 def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
-    """Return the strength (h, w) of edge lines, 0..1, where normals turn or the depth jumps (Saito and Takahashi 1990).
-    A line lies on the nearer of two pixels. jump : least jump of the depth, in units of `Scene.radius`."""
+    """Return the strength (h, w) of edge lines, 0..1, at sudden changes of normal or depth (Saito and Takahashi 1990).
+    A line lies on the nearer of two pixels. jump : least change of depth, in units of `Scene.radius`."""
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows need less memory than the whole picture
         columns = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))
@@ -283,7 +283,7 @@ def _strip_edge_strengths(depth: Floats32, normal: Bytes, jump: float) -> Floats
         inner = tuple(slice(1, -1) if a == axis else slice(None) for a in range(2))
         head_depth, tail_depth = flat[head], flat[tail]
         step = np.abs(head_depth - tail_depth)
-        # a slanted face has equal steps of depth from pixel to pixel, an edge has not
+        # from pixel to pixel, the depth changes by equal steps on a slanted face, but by unequal steps at an edge
         steady = np.full_like(flat, np.inf)
         steady[inner] = np.minimum(step[head], step[tail])
         excess = step - 2 * np.minimum(steady[head], steady[tail])

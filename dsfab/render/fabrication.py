@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dsfab.design.design import Design
     from dsfab.study.fabrication import Check, FabricationMeasures
 
-LIMIT_KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}  # preset keys by feature
+LIMIT_KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}  # preset key of each measure
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ def workshop_picture(
     half = design.preset.statics.thickness / 2
     stage = set_stage(body, side, up, half, Annotations(design.surface, design.load, layers=()), palette, size)
     aspect = size[0] / size[1]
-    stage = replace(stage, view=fit_view(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, 0.66)))  # room for the notes
+    stage = replace(stage, view=fit_view(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, 0.66)))  # space for notes
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
         image = render_stage(scene, stage, palette, size, transparent=ground == "transparent")
     box = " x ".join(length(x) for x in measures.box)
@@ -67,7 +67,7 @@ def workshop_picture(
 def write_workshop_picture(
     path: Path, design: "Design", measures: "FabricationMeasures", size: tuple[int, int]
 ) -> Path:
-    """Write `workshop_picture` as a whole PNG file or not at all. Raises ExportError if the file is not writable."""
+    """Write `workshop_picture` as a PNG file. After a failure no partial file remains, and this raises ExportError."""
     return write_png(workshop_picture(design, measures, size=size), path)
 
 
@@ -108,7 +108,7 @@ def _bed_text(measures: "FabricationMeasures") -> str:
 
 
 def with_callouts(image: "Image", callouts: list[Callout], view: View, palette: Palette) -> "Image":
-    """Return the picture with a ring at each measured place, and a note with a line to this ring; no lines cross."""
+    """Return the picture with a ring at each measured place. A line joins each ring to its note; no lines cross."""
     from PIL import Image, ImageDraw, ImageFont
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist

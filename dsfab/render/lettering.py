@@ -19,7 +19,7 @@ MarkName = Literal["load", "support", "reaction", "person", "masonry", "tension"
 @dataclass(frozen=True)
 class Palette:
     """Colours of a picture: red, green and blue in 0..255.
-    families : colours of families (major, minor, kept).    tints : their stronger colours in the preview `families`.
+    families : colours of families (major, minor, kept).    tints : stronger ones, for the preview `families`.
     ink : darkness of edge lines, 0..1."""
 
     paper: Colour = (253, 252, 249)
@@ -44,7 +44,7 @@ class Palette:
         return np.array(getattr(self, name), dtype=np.uint8)
 
 
-PAPER = Palette()  # terracotta on white paper; colour-blind people can tell blue loads from slate supports
+PAPER = Palette()  # terracotta on white; colour-blind people can distinguish blue loads and slate-grey supports
 
 
 @dataclass(frozen=True)
@@ -157,13 +157,13 @@ def _mark_sign(draw: "ImageDraw", name: MarkName, palette: Palette, place: tuple
 
 
 GRID_PIXELS = 4  # cell size (pixels) of the grid that records occupied areas
-NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)  # tried distances of a name from its member, in letter heights
-NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # tried directions of a name from its member
+NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)  # distances from a member at which a name is tried, in letter heights
+NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # directions from a member
 
 
 @dataclass(frozen=True, eq=False)
 class Nameplate:
-    """Coloured name of a member. places : (k, 2) possible places (pixels), best first. visible : (k,) not covered."""
+    """Coloured name of a member. places : (k, 2) in pixels, best first. visible : (k,) True where nothing hides it."""
 
     text: str
     colour: Colour

@@ -11,9 +11,9 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
-GRAIN = 1.2  # largest random offset (map pixels) for reading a shadow map; it turns steps into a fine grain
-SURFACE_LIFT = 2.5  # points are lit at this height (map pixels) above their surface, else map steps cast shadows
-LARGEST_DEPTH = np.float32(0.9999)  # a map pixel with a larger depth sees no body
+GRAIN = 1.2  # largest random offset (map pixels) at which a shadow map is read; it hides the map's steps
+SURFACE_LIFT = 2.5  # height above a surface at which its light is computed (map pixels), against false shadows
+LARGEST_DEPTH = np.float32(0.9999)  # a larger depth means that the lamp sees no body in this map pixel
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
@@ -28,8 +28,8 @@ def frame_towards(towards: Floats) -> Floats:
 class ShadowMaps:
     """Shadow maps of b lamps. A single matrix product serves all lamps, because many small products are slow.
     maps    : (b, s, s) depth from each lamp, see `Scene.lamp`.
-    placing : (3 b, 6) matrix that turns (point, random offset, 1) into columns, rows and depths of the maps.
-    towards : (b, 3) unit vectors times the strengths of the lamps."""
+    placing : (3 b, 6) matrix that maps (point, random offset, 1) to columns, rows and depths of the maps.
+    towards : (b, 3) unit vectors towards the lamps, times the strengths of the lamps."""
 
     maps: Floats32
     placing: Floats32
@@ -79,7 +79,7 @@ class ShadowMaps:
 
 
 LIGHT_SHARES = (0.60, 0.44, 0.14)  # light of sun, sky and floor on a surface that faces the light
-AMBIENT = 0.10  # light at every point
+AMBIENT = 0.10  # light that every point receives in addition
 CHUNK = 1 << 15  # number of points coloured together; their arrays fit the processor's cache
 TILE = 1 << 10  # number of points lit together by twenty lamps; their arrays fit the processor's cache
 
@@ -112,7 +112,7 @@ class LightQuality:
 
 FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
 """Quality of a single picture, and of each of many pictures."""
-ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)  # quality of a picture that another soon replaces
+ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)  # quality of a first, quick picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +201,7 @@ def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
 def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
-    """Return the light (k,) on the k drawn pixels, and the light (h, w) on the floor divided by its unshaded light.
+    """Return the light (k,) on pixels with bodies, and the light (h, w) on the floor divided by its unshaded light.
     floor : (3,) normal of the floor.    level : its height along this normal, scene units; None without a floor."""
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
@@ -219,7 +219,7 @@ def pixel_and_floor_light(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points and normals (3, k + spare) of the k drawn pixels, in scene units; the last `spare` are empty.
+    """Return points and normals (3, k + spare) of k pixels with bodies, in scene units; the last `spare` are empty.
     Points are in the order of strips of rows: neighbours are close in memory, which saves two thirds of the time."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):

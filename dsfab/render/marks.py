@@ -33,12 +33,12 @@ SUPPORT_SPACING = Spacing(0.05, 40)
 GRADIENT_SPACING = Spacing(0.055, 160)
 
 CONE_HEIGHT = 0.026  # height of a support cone, divided by the structure's size
-LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06  # longest arrows, divided by the structure's size
+LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06  # lengths, divided by the structure's size
 
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
     """Return the indices of a few evenly spaced points among points (k, 3). size : size of the structure (m).
-    The farthest points are chosen first (Gonzalez 1985), then moved to the middle of their patches (Lloyd 1982)."""
+    Each is the farthest from those before (Gonzalez 1985), then moves to the middle of its neighbours (Lloyd 1982)."""
     chosen_list = [0]
     distances = np.linalg.norm(points - points[0], axis=1)
     while len(chosen_list) < spacing.most:
@@ -103,7 +103,7 @@ def _gathered_forces(
     owner = _nearest(points, points[taken])
     pull = group_sums(owner, force[vertices], len(taken))
     amount = np.linalg.norm(pull, axis=1)
-    is_drawn = amount > 1e-6 * amount.max()  # forces of a patch may cancel out
+    is_drawn = amount > 1e-6 * amount.max()  # the forces that share an arrow may cancel out
     long = longest * (0.35 + 0.65 * np.sqrt(amount[is_drawn] / amount.max()))
     return ForceArrows(vertices[taken][is_drawn], pull[is_drawn], long)
 
@@ -135,7 +135,7 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
 
 
 def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float, eye: Floats) -> MarkMesh:
-    """Return slim arrows along a gradient (m, 3), long for steep gradients. lift, eye : as for `load_arrows`."""
+    """Return slim arrows along a gradient (m, 3), longer for larger gradients. lift, eye : as for `load_arrows`."""
     steep = np.linalg.norm(gradient, axis=1)
     if not steep.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -245,7 +245,7 @@ BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of a bar, divided by the d
 def crosses(design: "Design", palette: Palette) -> Body:
     """Return crosses of two bars along the directions of diffusion, at evenly spaced places on anisotropic faces.
     Blue is compression, red is tension. For combined cases red is the first direction and blue the second.
-    Raises DsfabError if all faces are isotropic: at r = 1, or without a stress."""
+    Raises DsfabError if all faces are isotropic: with `diffusion.r` = 1, or without a stress."""
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"

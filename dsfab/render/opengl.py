@@ -108,7 +108,7 @@ _ADVICE = {
     "darwin": "on macOS run in a session with a screen, since OpenGL comes with the system",
     "win32": "on Windows install the graphics card's driver or the OpenCL, OpenGL and Vulkan Compatibility Pack",
 }
-"""Advice by the name of the system in `sys.platform`; the message begins with the user's system."""
+"""Advice by the name of the system in `sys.platform`."""
 
 
 def _advice_text(chosen: str) -> str:

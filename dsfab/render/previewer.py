@@ -141,8 +141,8 @@ class Previewer:
         return same_shape and (not (self._arrows or shown == "directions") or preset.diffusion == drawn.diffusion)
 
     def display(self, preset: Preset) -> None:
-        """Draw a preset of the same surface from now on. New frequencies, phases, thresholds and reaches of plain
-        stripes are fast. All other keys of [pattern] change values at all vertices; r and gamma change the modes.
+        """Draw a preset of the same surface in all later pictures. Changed frequencies, phases, thresholds and reaches
+        of plain stripes are fast. Other keys of [pattern] change values at all vertices; r and gamma change the modes.
         Raises DsfabError for a different [surface] or an invalid preset, and then keeps the old preset."""
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(
@@ -219,7 +219,7 @@ class Previewer:
         return self._views[size, words]
 
     def write(self, path: str | Path, size: tuple[int, int] = DEFAULT_SIZE, caption: str | None = None) -> Path:
-        """Write `picture` as a whole PNG file or not at all. Raises ExportError if the file is not writable."""
+        """Write `picture` as a PNG file. If the file is not writable, raise ExportError and leave no partial file."""
         return write_png(self.picture(size, caption), Path(path))
 
     def _repr_png_(self) -> bytes:
@@ -233,7 +233,7 @@ class Previewer:
         design, mesh = self._made, self._mesh
         self._shader = StripeShader(vertex_fields(design, mesh, self._distances(design)), self._tints)
         V, normals = self._V, None
-        if mesh.even:  # hides the seams of the chart
+        if mesh.even:  # one normal on both sides of the chart's borders, so that light does not show them
             normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
         return Body(
             mesh.surface.V if V is None else mesh.carry(V),

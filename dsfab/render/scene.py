@@ -21,7 +21,7 @@ from dsfab.surface import signed_volume
 if TYPE_CHECKING:
     from dsfab.render.shader import StripeShader
 
-NORMAL_STEPS = 1 << 10  # normals are equal if they agree when rounded to this number of steps from -1 to 1
+NORMAL_STEPS = 1 << 10  # normals count as equal if their components are equal after rounding to 2 / `NORMAL_STEPS`
 
 
 class Window:
@@ -156,7 +156,7 @@ def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> 
 
 def set_array(attributes: Any, name: str, values: NDArray[Any]) -> None:
     """Store numbers (k, ...) of points or cells under a name, in a mesh's `GetPointData()` or `GetCellData()`."""
-    array = _support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # else numpy frees the memory
+    array = _support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # a copy, as numpy frees its memory
     array.SetName(name)
     attributes.AddArray(array)
 
@@ -224,8 +224,8 @@ def shading(V: Floats, F: Ints) -> Floats32:
 @dataclass(frozen=True, eq=False)
 class Pixels:
     """Depth, normal and colour of the pixels (h, w) of a picture, row 0 on top; lengths in units of `Scene.radius`.
-    depth : (h, w) along the view, infinite where the picture is empty.
-    normal : (h, w, 3) in 0..255 for -1..1.    colour : (h, w, 3) in 0..255."""
+    depth : (h, w) along the view, infinite where the picture is empty.    colour : (h, w, 3) in 0..255.
+    normal : (h, w, 3) components as bytes: 0 for -1, 255 for 1."""
 
     depth: Floats32
     normal: Bytes
@@ -235,7 +235,7 @@ class Pixels:
 class Scene:
     """Bodies in OpenGL, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
     Scene units are relative, so that millimetres and kilometres look alike. The origin is `centre`. The unit of length
-    is `radius`, of a ball around all bodies with a shadow. Create, use and close a scene in one thread."""
+    is `radius`, of a sphere around all bodies with a shadow. Create, use and close a scene in one thread."""
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         self.centre, self.radius = centre, radius
@@ -277,7 +277,7 @@ class Scene:
             self.window.draw()
         hit = z < 1
         self.empty = not hit.any()
-        z *= near - far  # in place: a picture for print has 24 million pixels
+        z *= near - far  # no new array: a picture for print has 24 million pixels
         z += far
         depth = np.divide(near * far, z, out=z)
         depth[~hit] = np.inf
@@ -322,8 +322,8 @@ class Scene:
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
-            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # colours take ten times as long
-            if casts and body.shader is None:  # back faces take three times as long
+            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # colours take 10 times as long
+            if casts and body.shader is None:  # hidden back faces would take three times as long
                 actor.GetProperty().SetBackfaceCulling(body.encloses)
         yield
         for actor in self.actors:

@@ -13,17 +13,17 @@ from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
 INFINITE_DISTANCE = 1e30  # distance in place of infinity, because infinity times 0 is not a number
-NO_REACH = -INFINITE_DISTANCE  # reach that keeps no material; rounded distances can be below 0
+NO_REACH = -INFINITE_DISTANCE  # reach that keeps no material; not 0, as rounded distances can be negative
 BY_VERTEX = -1.0  # half-width that tells the shader to read half-widths at the vertices
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
 _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
 FIELDS = ("modes", "widths", "kept")  # names of the three pairs of columns of `StripeShader.fields`
-TIE = 2e-6  # margin (periods) for rounding: a half-width of 0 leaves no material, and 1/2 leaves no opening
+TIE = 2e-6  # margin (periods) for rounding errors: a half-width 0 must give no material, and 1/2 no opening
 
 # (wave(t) + 1) / 4 is the distance from t to the nearest half-integer; in material this distance exceeds 1/2 - d. The
-# vertex shader computes the linear part: in software rendering, each number read at a pixel takes time
+# vertex shader computes the linear part, because in software rendering each number that a pixel reads takes time
 _STRIPES = f"""
   vec2 dsWide = HALF;
   vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});
@@ -162,7 +162,7 @@ class StripeShader:
         self.set(ALL_MATERIAL)
         self.show_walls(None, 0.0)
         for uniforms in self._uniforms():
-            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # a wall appears at most four half thicknesses long
+            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # a wall is drawn at most four half-thicknesses long
             uniforms.SetUniformf("dsShade", 0.82)  # walls are darker than faces
             for name, tint in zip(("dsMajor", "dsMinor", "dsRest"), self.tints or 3 * ((0, 0, 0),), strict=True):
                 uniforms.SetUniform3f(name, [value / 255 for value in tint])

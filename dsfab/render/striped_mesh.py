@@ -21,8 +21,8 @@ from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
 EXACT_REACH_SHARE = 1 / 8  # distances up to this share of the surface's size are exact in all presets
-REGION_FACTOR = 1e33  # factor on distances from drawn regions, so that every reach ends at their outlines
-REGION_REACH = -1e6  # reach if only drawn regions are kept; the shader ignores distances at `NO_REACH`
+REGION_FACTOR = 1e33  # factor on distances to regions that the user drew; every reach then ends at outlines
+REGION_REACH = -1e6  # reach if only regions of the user are kept; the shader ignores distances at `NO_REACH`
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class StripedMesh:
 @derived
 def distances(design: Design) -> tuple[Floats, Floats]:
     """Return distances (n,) to loads and supports, and distances (n,) to the boundary (m), exact up to every reach.
-    With drawn regions, the first distances lead to regions and kept material, and are multiplied by `REGION_FACTOR`."""
+    If the user drew regions, the first array holds distances to regions and kept material, times `REGION_FACTOR`."""
     surface, load, pattern = design.surface, design.load, design.preset.pattern
     reach = max(EXACT_REACH_SHARE * surface.size, pattern.keep, pattern.rim)
     to_held = distance_to_vertices(surface, load.supported | load.loaded, reach)
@@ -117,7 +117,7 @@ def distances(design: Design) -> tuple[Floats, Floats]:
 
 
 def _distances_outside(design: Design, to_held: Floats) -> Floats:
-    """Return approximate distances (n,) to kept material and drawn regions (m); 0 along their outlines."""
+    """Return approximate distances (n,) to kept material and regions of the user (m); 0 along their outlines."""
     surface, pattern = design.surface, design.preset.pattern
     outside = np.where(np.isfinite(to_held) & (pattern.keep > 0), to_held - pattern.keep, surface.size)
     for field in design.pattern.fields[: pattern.drawn_regions]:

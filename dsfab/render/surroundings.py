@@ -16,16 +16,16 @@ PartKind = Literal["column", "wall", "hanger", "abutment"]
 
 HEADROOM = 2.2  # the ground is at height 0 if the structure begins higher than this (m)
 PLINTH = 0.012  # height of the lowest columns and walls, divided by the structure's size
-COLUMN_EXTENT = 0.08  # a support with a smaller extent in plan becomes a column; divided by the structure's size
+COLUMN_EXTENT = 0.08  # a support of smaller extent in plan becomes a column; extent divided by the structure's size
 LOW_SHARE = 0.25  # a support below this share of the structure's height is never an abutment
 STEEP = 0.2  # a structure hangs from a support if it rises towards the support by at least this slope
 UPRIGHT = 3.0  # a support is an upright edge if its height exceeds this number times its extent in plan
 SOIL_SHARE = 0.5  # a slab lies on soil if a larger share of its area is supported
 CORNERS, MOST_PARTS = 20, 40  # number of corners of a round column, and largest number of columns or rods of a support
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # divided by the structure's size
-HANGERS, COLUMNS = 0.05, 0.12  # distances of rods, and of columns below an edge, divided by the structure's size
+HANGERS, COLUMNS = 0.05, 0.12  # spacing of rods, and of columns below an edge, divided by the structure's size
 TALL = 4.5  # height (m) from which a long edge rests on a beam and columns, because a wall would hide the inside
-WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths of columns and walls, footings, rods; divided by the size
+WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths, divided by the structure's size
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +44,8 @@ class SupportPart:
 
 def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[SupportPart]:
     """Return a part of a building for each connected support. up : (3,) unit vector. A slab on soil has no parts.
-    Inner supports from which the structure falls away are hangers; supports on one side of the structure are abutments.
-    All other supports reach the ground: small supports are columns, and long edges are walls."""
+    Inner supports become hangers if the structure slopes down from them. Supports on one side of the structure become
+    abutments. All other supports reach the ground: small supports as columns, long edges as walls."""
     supported = _upward_supports(load, up)
     if not supported.any() or surface.areas @ supported[surface.F].all(axis=1) > SOIL_SHARE * surface.area:
         return []
@@ -73,7 +73,7 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
 
 
 def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
-    """Return the horizontal direction (3,) to the supports of a cantilever; None if supports are low or around it."""
+    """Return the horizontal direction (3,) to the supports of a cantilever; None for low supports or several sides."""
     side, heights = support_side(surface, load, surface.size, up), surface.V @ up
     low = heights.min() + LOW_SHARE * np.ptp(heights)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
@@ -87,7 +87,7 @@ def _upward_supports(load: LoadCase, up: Floats) -> Bools:
 
 
 def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:
-    """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours; 0 without such."""
+    """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours; 0 if it has none."""
     ends = surface.edges.ends[supported[surface.edges.ends].sum(axis=1) == 1]
     ends = np.where(supported[ends[:, :1]], ends, ends[:, ::-1])
     sums = group_sums(ends[:, 0], unit_vectors(surface.V[ends[:, 0]] - surface.V[ends[:, 1]]), surface.n)
@@ -95,7 +95,7 @@ def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:
 
 
 def _extent(points: Floats, axis: Floats) -> float:
-    """Return the size (m) of points (k, 3) across an axis (3,)."""
+    """Return the size (m) of points (k, 3) perpendicular to an axis (3,)."""
     return float(np.linalg.norm(np.ptp(points - np.outer(points @ axis, axis), axis=0)))
 
 
@@ -112,7 +112,7 @@ def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, 
 def support_part(surface: Surface, support: SupportPart, half: float, ground: float) -> MarkMesh:
     """Return the mesh of a part (metres). ground : its height (m). half : as for `ground_level`."""
     size, along, among = surface.size, support.along, support.vertices
-    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # skin of the solid
+    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # surface of the solid
     deepest, V = float(begin[among].max()), surface.V.copy()
     if support.kind == "hanger":
         return _prisms(
@@ -136,7 +136,7 @@ def support_part(surface: Surface, support: SupportPart, half: float, ground: fl
 
 
 def _spaced_vertices(V: Floats, among: Ints, apart: float) -> list[Ints]:
-    """Return groups of a single vertex (1,), chosen from `among` (k,), about `apart` metres from each other."""
+    """Return vertices from `among` (k,), about `apart` metres from each other, each as a group (1,)."""
     points = V[among]
     return [among[[k]] for k in thin_points(points, apart, Spacing(1.0, MOST_PARTS))]
 

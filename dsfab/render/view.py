@@ -116,7 +116,7 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """Return a view almost along a plate's normal, from the side of +x or +z, or of -y for a plate in xz."""
+    """Return a view almost along a plate's normal: from the side of +x or +z, or of -y for a plate in the xz plane."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up
@@ -126,7 +126,7 @@ def _face_on(normal: Floats, up: Floats) -> ViewSide:
 
 
 def _plan_axes(V: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """Return the directions (3,) to the front and to the right; the front shows the long side of a long plan."""
+    """Return the directions (3,) to the front and to the right. The front shows the long side of the plan."""
     vertical = int(np.argmax(np.abs(up)))
     right = np.eye(3)[{0: 1, 1: 0, 2: 0}[vertical]]
     front = np.cross(right, up)
@@ -162,7 +162,7 @@ def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, flo
 
 def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
     """Return the views of a plan and of an elevation of vertices V (n, 3), along the sides of their smallest rectangle.
-    The elevation shows the long side. A rectangle along the coordinate axes wins if it is at most 2 % larger."""
+    The elevation shows the long side. A rectangle along the coordinate axes is preferred if at most 2 % larger."""
     across = np.eye(3)[{0: 1, 1: 0, 2: 0}[int(np.argmax(np.abs(up)))]]
     turns = np.radians(np.arange(90.0))
     rights = np.outer(np.cos(turns), across) + np.outer(np.sin(turns), np.cross(up, across))

@@ -53,7 +53,7 @@ def require_view(name: str) -> None:
 @dataclass(frozen=True)
 class SheetDrawer:
     """Draws the cut sheet of a design as PNG. size : pixels. view : as in `dsfab preview`. A drawer can be pickled.
-    The uncut surface fills the picture, so that all pictures of one surface fit on each other.
+    The uncut surface fills the picture, so that the same place of a surface is at the same pixel in all pictures.
     Raises DsfabError for an unknown view, and if this machine cannot draw."""
 
     size: tuple[int, int]
@@ -76,7 +76,7 @@ class SheetDrawer:
             half = design.preset.statics.thickness / 2
             stage = set_stage(uncut_body, side, up, half, Annotations(surface, load, layers=()), PAPER, self.size)
             stage = replace(stage, view=page_view([uncut_body], side, self.size, words=False))
-            if side.towards @ up < 0:  # a view from below looks through the ground
+            if side.towards @ up < 0:  # seen from below, the ground is transparent
                 stage = replace(stage, level=None)
             # while a surface is stored, no other surface gets its id
             _stages.of, _stages.surface, _stages.stage = (id(design.surface), self), surface, stage
@@ -188,7 +188,7 @@ def sweep_summary(folder: SweepFolder) -> str:
 
 def loss_sentence(folder: SweepFolder) -> str:
     """Return a sentence if a simple alternative is stiffer than the best run of a search; else ''.
-    If the runs did not measure the alternatives, dsfab makes the best design again."""
+    If the runs did not compute the alternatives, dsfab computes them for the best design."""
     ranked = best(folder.rows(), first_metric(folder.plan), folder.plan.limits)
     if not ranked:
         return ""

@@ -49,7 +49,7 @@ class Web:
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
     """Return the better of two webs: with rings of the major family, or with rings of the minor family.
-    phases : (n, 2) phases of the major and minor family; a whole number lies in the middle of a member.
+    phases : (n, 2) phases of the major and minor family; the phase at the middle of a member is a whole number.
     load, supported : (n,) vertices under the load, and vertices at supports."""
     webs = []
     for k, name in enumerate(("major", "minor")):
@@ -116,7 +116,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Return how many members of the second family (integers of z) cross the line ring = 0 around a region."""
+    """Return how many members of the second family (at whole numbers of z) cross the line ring = 0 around a region."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))
@@ -155,7 +155,7 @@ ANGLE, EVENNESS = 60.0, 3.0  # Least crossing angle of a grid, degrees, and larg
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return the result of a claim (see `PaperFigure`) as a clause; '' without a claim, or if the rendition failed."""
+    """Return the result of a claim (see `PaperFigure`) as a clause; '' without a claim, or if dsfab made no figure."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

@@ -112,7 +112,7 @@ PAPER = 37  # Frames a second that the paper reports for its editor, on a laptop
 
 
 def editing_comparison(design: Design, folder: Path) -> PaperComparison:
-    """Draw one pattern with other settings, and measure frames a second during changes, as the paper does for Bob."""
+    """Draw one pattern with other settings, and count frames a second during changes, as the paper does for its Bob."""
     title = "Frequency and thickness, edited"
     try:
         with previewer_of(design) as previewer:

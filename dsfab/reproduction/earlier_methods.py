@@ -75,7 +75,7 @@ def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Float
 
 
 def consistent_directions(surface: Surface, direction: Floats) -> Floats:
-    """Return directions (m, 3) with consistent signs along a spanning tree of faces, where directions turn least."""
+    """Return directions (m, 3) whose signs agree along a spanning tree of faces, where directions change least."""
     i, j = surface.edges.pairs.T // 3
     dot = np.einsum("ek,ek->e", direction[i], direction[j])
     turn = coo_array((1.0 + 1e-6 - np.abs(dot), (i, j)), shape=(surface.m, surface.m)).tocsr()

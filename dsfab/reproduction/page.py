@@ -211,7 +211,7 @@ PARAMETERS = (
 
 @dataclass(frozen=True)
 class PageFacts:
-    """Facts about a page: factor on the presets' edge lengths, the machine, and its load."""
+    """Facts about a page: factor on the presets' edge lengths, the machine, and how busy the machine was."""
 
     coarser: float
     machine: str

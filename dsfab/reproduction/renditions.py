@@ -128,7 +128,7 @@ def measured_rendition(
 
 def _carried_share(design: Design) -> float:
     """Return the share of the loads on pieces with a support; nan without loads. design : must have its loose pieces.
-    A load without material acts on the nearest material."""
+    A load at a place without material acts on the nearest material."""
     if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan
     try:

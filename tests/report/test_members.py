@@ -30,15 +30,15 @@ def found(N=-10e3, material="S235", **more):
 @pytest.mark.parametrize(
     ("given", "status", "title"),
     [
-        (found(), "pass", "Each of 1 members bears less than it can"),
+        (found(), "pass", "Each of 1 members is below its resistance"),
         (
             found(combined=False),
             "unknown",
-            "Each of 1 members bears less than it can, of loads without partial factors",
+            "Each of 1 members is below its resistance, under loads without partial factors",
         ),
-        (found(N=-1e6), "fail", "1 of 1 members bear more than they can"),
-        (found(N=-1e6, combined=False), "fail", "1 of 1 members bear more than they can"),
-        (found(material="PLA"), "unknown", "No standard: stress over strength"),
+        (found(N=-1e6), "fail", "1 of 1 members exceed their resistance"),
+        (found(N=-1e6, combined=False), "fail", "1 of 1 members exceed their resistance"),
+        (found(material="PLA"), "unknown", "No standard: stress / strength"),
     ],
 )
 def test_the_banner_passes_only_if_the_code_passes_with_its_factors(given, status, title):
@@ -144,7 +144,7 @@ def test_the_command_writes_a_report_and_its_tables(tmp_path, capsys):
     table = (tmp_path / "out" / "barrel_vault.member_utilisation.csv").read_text(encoding="utf-8")
     worst = next(line for line in table.splitlines()[1:] if not line.startswith(("#", "member"))).split(",")[0]
     for text in (page, printed):
-        assert "of loads without partial factors" in text
+        assert "under loads without partial factors" in text
         assert worst in text
         assert "dsfab report barrel_vault --set surface.edge=0.5" in text
     assert page.count("<img") == 1 + 4  # the structure; diagrams of ten members, three in a figure

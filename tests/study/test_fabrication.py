@@ -299,7 +299,7 @@ def test_features_narrower_than_the_thickness_are_reported_with_their_place(cant
         assert facts[key]["m"] < 0.05
         at = ", ".join(f"{x + 0.0:.3g}" for x in facts[key]["at_m"])
         assert f"{facts[key]['what']} of {length(facts[key]['m'])} at ({at}) m" in line
-    assert "; set fabrication.min_gap and fabrication.min_member and build with --fix" in line
+    assert "set fabrication.min_gap and fabrication.min_member and build with --fix" in line
     told = fabrication_facts(fabrication(with_limits(thick, min_gap=0.001)))  # who asks for a limit has one
     (line,) = [line for line in fabrication_lines(told) if line.startswith("narrower")]
     assert "min_gap" not in line

@@ -16,17 +16,17 @@ from dsfab.workshop import BAR_CLEARANCE, FlatPart, PlateArm, WorkshopPlan, bar_
 ROWS, COLUMNS = 58, 2  # Rows and columns of bars on a page.
 
 BAR_RULE = (
-    "Bars go up from the supports upwards, by the height of their middle. Each plate is bolted beneath the first of "
-    "its bars on the ground, the arm with a bar's name to that bar. What nothing holds yet needs props until the bars "
-    "beside it are there."
+    "Assemble the bars from the supports upwards, in the order of the heights of their middles. On the ground, bolt "
+    "each plate beneath the first of its bars, on the arm with the name of this bar. Prop every bar that nothing holds "
+    "yet, until its neighbours are bolted."
 )
 """Rule for the order of `bar_steps`, printed for the builders."""
 BARS_UNCHECKED = (
-    "the statics of bolts, plates and folds: the design was judged as one sheet, and bars on one plate each bend there",
-    "the statics while it is being put up; props and scaffolding",
-    "how far bars and plates can be twisted; the radius of folds, and what a sheet gains by folding",
-    "moisture, grain and knots; edge and end distances of bolts after the material's standard",
-    "bearings: what holds the structure at its supports",
+    "the statics of bolts, plates and folds: dsfab judged the design as one sheet, but joints with one plate can bend",
+    "the statics of unfinished stages; props and scaffolding",
+    "how far bars and plates can be twisted; the radius of folds, and the length that a sheet gains by folding",
+    "moisture, grain and knots; edge and end distances of bolts by the material's standard",
+    "bearings: the parts that hold the structure at its supports",
 )
 """Risks of bars that dsfab does not check, for the last page of the book."""
 
@@ -63,14 +63,14 @@ def bar_pages(plan: WorkshopPlan) -> list[PartsPage]:
 BAR_TABLE_HEADS = ("bar", "from", "to", "length", "along", "dip", "along", "dip", "twist", "bow")
 BAR_TABLE_PLACES = (0.0, 20.0, 46.0, 92.0, 107.0, 120.0, 136.0, 149.0, 164.0, 178.0)
 BAR_TABLE_NOTE = (
-    "Length: of the bar as it is cut, millimetres. At its first, then at its second node: along, degrees from the "
-    "first arm of the plate, counter-clockwise from outside; dip, degrees below the plate. Twist: degrees from one end "
-    "to the other, right-handed. Bow: millimetres to the curved axis."
+    "Length: cut length of the bar, millimetres. Angles at its first and second node: 'along' in degrees from the "
+    "first arm of the plate, counter-clockwise as seen from outside; 'dip' in degrees below the plate. Twist: degrees "
+    "from one end to the other, right-handed. Bow: largest distance from the bar to the curved axis, millimetres."
 )
 
 
 def bar_row(row: Sequence[str | int | float]) -> list[str]:
-    """Return a row of `bar_table` as words, without distance of nodes, width and file."""
+    """Return a row of `bar_table` as words, without the columns for node distance, width and file."""
     name, start_node, end_node, _, bar_length, _, *angles, bow, _ = row
     angle_words = [f"{angle:z.1f}°" for angle in angles]
     return [str(name), str(start_node), str(end_node), f"{bar_length:,.1f}", *angle_words, f"{bow:.1f}"]
@@ -171,9 +171,9 @@ def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
         for place, words in zip(places[1:], (*turned, holes), strict=True):
             paper.text((x + place, y), words, 8, side="right")
     note = (
-        "Millimetres from the middle of the hole at the node; degrees from the first arm, counter-clockwise. Folds go "
-        "away from who sees the drawing where they are positive, at the lines FOLD: there the middles of the sheet "
-        "meet, so take off what your own tool's radius takes. The engraved number on each arm is its fold."
+        "Millimetres from the middle of the hole at the node; degrees from the first arm, counter-clockwise. Fold at "
+        "the lines FOLD, away from you where the angle is positive. The lines hold for a sharp fold of the middle of "
+        "the sheet, so allow for the radius of your tool. The number engraved on each arm is its fold."
     )
     for k, line in enumerate(paper.wrapped_lines(note, box.wide, 7.5)):
         paper.text((x, y - 8 - 3.4 * k), line, 7.5, QUIET)

@@ -34,11 +34,11 @@ from dsfab.workshop import WorkshopPlan
 BookPage = tuple[str, Callable[[Paper], None]]
 
 LAYERS_UNCHECKED = (
-    "the statics of bolts, of splices and of layers that slide on each other: the design was judged as one sheet",
-    "the statics while it is being put up; props and scaffolding",
-    "springback of bent layers, and what they creep",
-    "moisture, grain and knots; edge and end distances of bolts after the material's standard",
-    "bearings: what holds the structure at its supports",
+    "the statics of bolts, of splices and of layers that slide on each other: dsfab judged the design as one sheet",
+    "the statics of unfinished stages; props and scaffolding",
+    "springback and creep of bent layers",
+    "moisture, grain and knots; edge and end distances of bolts by the material's standard",
+    "bearings: the parts that hold the structure at its supports",
 )
 """Risks of bent layers that dsfab does not check, for the last page of the book."""
 
@@ -136,12 +136,12 @@ def _key_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
 
 
 PLANKS_UNCHECKED = (
-    "the statics of halved planks, splices and glue: the design was judged as one sheet, with members that lie in it",
-    "the statics while it is being put up; props and scaffolding",
-    "inner corners of slots: a round cutter leaves its radius there, to be squared by hand or over-cut",
-    "what twists planks: its stress, and how they spring back",
-    "moisture, grain and knots; edge and end distances of bolts after the material's standard",
-    "bearings: what holds the structure at its supports",
+    "the statics of halved planks, splices and glue: dsfab judged the design as one sheet, with members in this sheet",
+    "the statics of unfinished stages; props and scaffolding",
+    "inner corners of slots: a round cutter leaves its radius there; cut the corners square by hand, or over-cut them",
+    "the twist of planks: its stress, and how planks spring back",
+    "moisture, grain and knots; edge and end distances of bolts by the material's standard",
+    "bearings: the parts that hold the structure at its supports",
 )
 """Risks of upright planks that dsfab does not check, for the last page of the book."""
 

@@ -12,30 +12,30 @@ from dsfab.workshop import FlatPart, WorkshopPlan
 
 MODEL_UNCHECKED = (
     "whether the model stands without its glue; card is not the material of the structure",
-    "how wide your laser cuts: slots are .2 mm wider than tabs, so cut a slot and a tab for a trial first",
-    "the grain of the card: long strips bend more evenly along it",
-    "members of one layer that run into each other, as at a crown: trim them with a knife",
+    "how wide your laser cuts: slots are 0.2 mm wider than tabs, so first cut one slot and one tab as a trial",
+    "the grain of the card: long strips bend more evenly along the grain",
+    "members of one layer that overlap, as at a crown: trim them with a knife",
 )
 """Risks of a card model that dsfab does not check, for the last page of the book."""
 PANEL_STEPS = (
     (
         "Sort",
-        "The name of a panel is engraved on it: B07.3 is the third of B07, from its beginning on. The pages of "
-        "families say which member crosses which, in order.",
+        "The name of a panel is engraved on it: B07.3 is the third panel of B07, counted from its beginning. The pages "
+        "of families show in which order members cross.",
     ),
-    ("Bend", "Pull panels over the edge of a table, engraved face up, until they keep about the bend they need."),
+    ("Bend", "Pull panels over the edge of a table, engraved face up, until they stay curved about as much as needed."),
     (
         "Build from the base",
-        "Put the ends that stand on the ground into the slots of their names, and glue what lies along it before them "
-        "on the engraved lines.",
+        "First glue the members that lie along the ground to the engraved lines. Then put the ends that stand on the "
+        "ground into the slots with their names.",
     ),
     (
         "Then from the edges",
-        "Edges and what is kept around supports and loads go through, then family A. Panels of one member that are "
-        "longer than a sheet are glued end to end, the tab of one beneath the next. Then put family B between them: "
-        "its panels end at short marks at the edges of the others, tabs beneath these. A drop of glue on each tab.",
+        "Start with edges and kept material around supports and loads, then family A. Glue the panels of a member end "
+        "to end, the tab of one beneath the next. Then put family B between these members: its panels end at short "
+        "marks on their edges, with tabs beneath them. Put a drop of glue on each tab.",
     ),
-    ("Plates", "Glue plates beneath, in the middle of what ends there."),
+    ("Plates", "Glue each plate beneath the members that end there, at the middle of their ends."),
 )
 """Steps for a model of panels, after cutting: title and instruction."""
 
@@ -100,10 +100,10 @@ def _model_steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
     pins = length(plan.layering.bolt)
     yield (
         "Sort",
-        "The name of a part is engraved on it, A01.2 is the second piece of A01, A01.c1 the cover of its first splice. "
-        "By each hole stands its node: holes of one name come together.",
+        "The name of a part is engraved on it: A01.2 is the second piece of A01, A01.c1 the cover of its first splice. "
+        "Beside each hole is the name of its node: holes with the same name belong together.",
     )
-    yield ("Bend", "Pull strips over the edge of a table, engraved face up, until they keep about the bend they need.")
+    yield ("Bend", "Pull strips over the edge of a table, engraved face up, until they stay curved about as needed.")
     yield (
         "Splice",
         "Glue the pieces of a strip end to end with their covers across: covers of A outside, all others inside.",
@@ -111,8 +111,8 @@ def _model_steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
     names = {part.member for part in plan.parts if part.member}
     yield (
         "Build from the base",
-        f"{_layer_order(plan, names)} Put tabs into the slots of their names, then push a pin of {pins} through both "
-        f"holes of each node, a drop of glue between the strips.{_packing_words(plan)} Pull the pins when it has set.",
+        f"{_layer_order(plan, names)} Put tabs into the slots with their names. At each node put glue between "
+        f"strips, and push a {pins} pin through both holes.{_packing_words(plan)} Pull the pins when the glue is dry.",
     )
 
 

@@ -19,7 +19,7 @@ PartsPage = tuple[str, Callable[[Paper], None]]
 
 
 def sheet_figures(plan: WorkshopPlan, name: str = "Sheets") -> list[tuple[str, str]]:
-    """Return number, size and use of the sheets, and their price if the plan knows it."""
+    """Return number and size of the sheets, the share of them that parts fill, and their price if the plan knows it."""
     cost = stock_cost(plan.sheets)
     priced = [("Price of the sheets", money(cost))] if cost else []
     return [(name, f"{stock_words(plan.sheets)}, {plan.used_share:.0%} used"), *priced]
@@ -148,8 +148,8 @@ def table_pages(
     places: Sequence[float],
     note: str,
 ) -> list[PartsPage]:
-    """Return pages of a table whose first column is bold. size : rows, and groups of columns side by side, on a page.
-    places : of the columns in millimetres; words at places below 50 are flush left, all other words flush right."""
+    """Return pages of a table whose first column is bold. size : rows on a page, and sets of columns side by side.
+    places : places of the columns (mm). Words at places below 50 are flush left, all other words flush right."""
     down, columns = size
 
     def draw(paper: Paper, page_rows: Sequence[Sequence[str]]) -> None:
@@ -174,20 +174,20 @@ ROW = 24.0  # Height of a member's row on a page of its family, millimetres of p
 NAMES = 44.0  # Width for the name of a member to the left of its line, millimetres of paper.
 APART = 2.1  # Least distance between the names of two nodes, millimetres; a nearer node has no name.
 SPLICED_NOTE = (
-    "Above each line the member that crosses there, below it millimetres along the middle surface from the beginning; "
-    "red: splices. Bays of a layer are those of its drawing."
+    "Above each line: the member that crosses. Below it: distance from the beginning along the middle surface, mm. "
+    "Red: splices. For distances on a layer see its drawing."
 )
 BARS_NOTE = (
-    "Above each line the member that crosses there, below it millimetres along the curved axis from the beginning; "
-    "red: the number of each bar, 3 for A07.3. Lengths of bars are those of their drawings."
+    "Above each line: the member that crosses. Below it: distance from the beginning along the curved axis, mm. Red: "
+    "the number of each bar, 3 for A07.3. For lengths of bars see their drawings."
 )
 PLANKS_NOTE = (
-    "Above each line the member that crosses there, below it millimetres along the axis from the beginning; red: "
-    "splices. Slots are open above where the other plank is put on, and below where this one is put on the other."
+    "Above each line: the member that crosses. Below it: distance from the beginning along the axis, mm. Red: splices. "
+    "A slot open above receives the other plank; with a slot open below, this plank is put on the other."
 )
 PANELS_NOTE = (
-    "Above each line the member that crosses there, below it millimetres from the beginning, of the model; red: where "
-    "panels begin, at the edge of what goes through or at a splice."
+    "Above each line: the member that crosses. Below it: distance from the beginning in the model, mm. Red: where "
+    "panels begin, at the edge of an uninterrupted member or at a splice."
 )
 FAMILY_TITLES = {"major": "Family A", "minor": "Family B", "rim": "Edges", "keep": "Around supports and loads"}
 PER_PAGE = int(PAGE.high // ROW)

@@ -102,7 +102,7 @@ def refolded_pages(
         MemberFaces(strip.id, colours[strip.member], strip_quads(strip, piece, plan.planks is not None))
         for strip in parts_in_space.strips
     ]
-    caption = f"{len(parts)} flat parts, bent back by their lengths on the drawings, each in its place."
+    caption = f"{len(parts)} flat parts, bent back to their places by the lengths on the drawings."
     if len(parts_in_space.deviations):
         joint_words = "slots of two planks at nodes" if plan.planks else "holes at nodes"
         gap_words = "beside each other" if plan.planks else "off the line of their bolt"
@@ -120,7 +120,7 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a strip as quads (q, 4, 3), about `piece` metres long, or from corner to corner if slotted."""
+    """Return a strip as quads (q, 4, 3): about `piece` metres long, or for a slotted strip from corner to corner."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:
@@ -153,9 +153,9 @@ def _refolded_page(
 STEP_PICTURES = 12  # Approximate number of steps, each with a picture.
 
 LAYER_RULE = (
-    "The lower layer goes up before the one above it: at every node the upper member is bolted on the lower one. "
-    "Within a layer members go up from the supports upwards: by the height of their lowest point, those of one height "
-    "in the order of their names. Members that nothing holds yet need props until the next layer is bolted on."
+    "Assemble each layer before the layer above it: at every node the upper member is bolted on the lower member. "
+    "Within a layer, assemble members in the order of the heights of their lowest points, and members of the same "
+    "height in the order of their names. Prop members that nothing holds yet, until the next layer is bolted on."
 )
 """Rule for the order of `assembly_steps`, printed for the builders."""
 
@@ -174,9 +174,9 @@ def assembly_steps(graph: MemberGraph, layering: Layering, up: Floats) -> tuple[
 
 
 PLANK_RULE = (
-    "Planks with slots from above stand first, propped: {first}. Then those that are put on them: {then}, each piece "
-    "along the middle of the normals at its slots. Within a family members go up by the height of their lowest point, "
-    "those of one height in the order of their names. Splices are closed when both pieces sit."
+    "First place and prop the planks whose slots are open above: {first}. Then put on the other planks: {then}, each "
+    "piece along the mean normal of its slots. Within a family, place members in the order of the heights of their "
+    "lowest points, and of the same height in the order of their names. Close a splice when both pieces are in place."
 )
 """Rule for the order of `plank_steps`, printed for the builders."""
 FAMILY_WORDS = {"major": "family A", "minor": "family B", "rim": "edges", "keep": "those around supports and loads"}

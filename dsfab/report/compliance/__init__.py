@@ -75,7 +75,7 @@ def write_results(
     if len({row["volume"] for row in shared}) > 1:
         from dsfab.report.compliance.figures import write_chart
 
-        write_chart(shared, f"{preset.name}: compliance over mass", folder / "chart")
+        write_chart(shared, f"{preset.name}: compliance against mass", folder / "chart")
     return document
 
 
@@ -112,10 +112,10 @@ def summary_document(rows: Sequence[Mapping[str, Any]], against: Sequence[str], 
     unfit = [row for row in rows if row["error"] or row["verdict"] == "fail"]
     reasons = [(escaped_text(row["name"]), escaped_text(row["error"] or row["reason"])) for row in unfit]
     if reasons:
-        caption = "<b>Table 2.</b> Not compared, or not carrying their loads."
+        caption = "<b>Table 2.</b> Designs that were not compared, or do not carry their loads."
         blocks.append(Table(caption, ("Design", "Why"), reasons, 2, "", (1, 5)))
     facts = [("Designs", str(len(rows))), ("Checked by", f"dsfab {versions()['dsfab']}")]
-    footer = "About stiffness, no proof of safety under a code; what was assumed stands in each report"
+    footer = "About stiffness, no proof of safety under a code; each report lists its assumptions"
     return Document("Structural compliance", "Several designs", facts, [ReportSection("Summary", blocks)], footer)
 
 
@@ -142,10 +142,10 @@ def _table(compared: Sequence[Mapping[str, Any]], against: Sequence[str], folder
                 f"{row['seconds']:.0f}",
             )
         )
-    head = ("Design", "Verdict", "Mass", "Kept", "Compliance", "Over whole sheet", *(LABELS[x] for x in against), "s")
+    head = ("Design", "Verdict", "Mass", "Kept", "Compliance", "/ whole sheet", *(LABELS[x] for x in against), "s")
     note = (
-        "Columns of competitors: their compliance over the design's at the same mass, so how many times as stiff the "
-        "design is; under 1 it is softer. Verdict: whether the compliance is known, not whether the design is good."
+        "Columns of competitors: stiffness of the design divided by that of the competitor, at the same mass. Below 1 "
+        "the design is softer. A verdict states whether the compliance is known, not whether the design is good."
     )
     widths = (2.4, 1, 1.1, 1, 2, 1, *([1.2] * len(against)), 0.6)
     return Table("<b>Table 1.</b> Compliance, and competitors of the same mass.", head, rows, 1, note, widths)

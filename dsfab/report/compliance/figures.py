@@ -42,12 +42,12 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
     "grid": ("#2c9a62", "-", "D"),
     "simp": ("#222222", "-.", "x"),
 }
-"""Colour, line and mark of each competitor in charts, which also differ in black and white."""
+"""Colour, line and mark of each competitor in charts; they differ in black and white too."""
 
 NAMES = {
     "design": "this design",
     "isotropic": "isotropic, best pair of modes",
-    "rotated": "turned by 45°, best pair",
+    "rotated": "rotated by 45°, best pair",
     "thinner": "whole sheet, thinner",
     "von_mises": "von Mises stripes",
     "grid": "straight grid",
@@ -103,7 +103,7 @@ def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapp
     for formatter in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
         formatter(lambda value, _: f"{value:g}" if f"{value:g}".strip("0.")[:1] in "1235" else "")
     axes.set_xlabel(f"mass, {unit}")
-    axes.set_ylabel("compliance over that of the full sheet")
+    axes.set_ylabel("compliance / compliance of the whole sheet")
     if title:
         axes.set_title(title, fontsize=11, loc="left")
     to_share, to_mass = 100 / full_mass, full_mass / 100
@@ -225,7 +225,7 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, material.V, material.F, task.surface, load, red, family)
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
-        """Draw the uncut surface with loads and supports of a case; side_by_side : whether the picture shares a row."""
+        """Draw the uncut surface with loads and supports of a case. side_by_side : True if pictures share a row."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -233,7 +233,7 @@ class FindingsPictures:
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette, letters=letters)
 
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
-        """Draw the von Mises stress on the cut sheet: at each place the largest of top, middle and bottom."""
+        """Draw the von Mises stress on the cut sheet: the largest of its values at top, middle and bottom."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
         limit = quantile(value, sheet.areas, 0.98) or 1.0  # 98 % of the area, without peaks at corners
         return self._band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")

@@ -214,7 +214,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Return the cases and combinations that get a figure; only decisive combinations by a standard get one."""
+        """Return the cases and combinations with a figure; of a standard's combinations, only the decisive ones."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = set[str]()
         if self.carries:
@@ -249,7 +249,7 @@ class Findings:
 
     def _support_check(self) -> CheckLine:
         loose = self.design.loose
-        loose_words = f"; {percent(loose)} of what is drawn hangs on nothing and was left out" if loose > 1e-6 else ""
+        loose_words = f"; {percent(loose)} of the pattern has no support and was left out" if loose > 1e-6 else ""
         words = f"{self.design.pieces} {'piece' if self.design.pieces == 1 else 'pieces'} of material{loose_words}"
         status: Status = "pass"
         if self.judgement.verdict == "fail":
@@ -268,7 +268,7 @@ class Findings:
         if theory is None:
             return None
         mark: Mark = "pass" if theory <= CONVERGED else "note"
-        words = f"a solid of it is up to {percent(theory)} softer"
+        words = f"the solid is up to {percent(theory)} softer"
         return CheckLine("Within thin-shell theory", mark, words, percent(CONVERGED))
 
     def _balance_check(self) -> CheckLine:
@@ -288,7 +288,7 @@ class Findings:
         mark: Mark = "pass"
         words = f"{check.per_member:.2g} edges of the uncut mesh across a member"
         if check.per_member < least:
-            mark, words = "note", words + "; the outline is coarse, the structure as drawn is what was checked"
+            mark, words = "note", words + "; the outline is coarse, and the checks are for this coarse outline"
         return CheckLine("Outline of the members", mark, words, f"{least:g} or more")
 
     def _facet_check(self) -> CheckLine | None:
@@ -342,7 +342,7 @@ class Findings:
     def _claim(self, rival: Competitor) -> CheckLine:
         name = f"Stiffer than: {LABELS[rival.name].lower().replace('simp', 'SIMP').replace('von mises', 'von Mises')}"
         if rival.judgement and not self.carries:
-            return CheckLine(name, "fail", "it carries the loads, the design does not", "above 1")
+            return CheckLine(name, "fail", "this competitor carries the loads, the design does not", "above 1")
         if rival.judgement is None:
             return CheckLine(name, "unknown", f"none was found: {rival.error.split('; the first: ')[0]}", "above 1")
         low, middle, high = self.stiffness_ratio(rival)

@@ -37,7 +37,7 @@ from dsfab.report.html_pages import (
 from dsfab.statics import elements_of
 from dsfab.study.verdict import calibration, estimates
 
-PLANE = "The sheet is loaded in its own plane: there is no bending, and the two pairs of elements are one."
+PLANE = "The sheet is loaded in its own plane: there is no bending, so the two pairs of elements are equal."
 
 
 def summary_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
@@ -53,11 +53,11 @@ def checks_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
     """Return tables of all checks with their verdicts."""
     blocks: list[Block] = [tables.checks_table(findings.checks, number, "The structure itself.")]
     if findings.claims:
-        blocks.append(tables.checks_table(findings.claims, number, "Stiffness beside others of the same mass."))
+        blocks.append(tables.checks_table(findings.claims, number, "Stiffness beside structures of the same mass."))
     blocks.append(
         Paragraph(
-            "<b>pass</b>: shown. <b>fail</b>: shown not to be so. <b>unknown</b>: not shown either way. <b>note</b>: "
-            "to be read, without a verdict. Ratios are given with the range that the bounds of both compliances leave.",
+            "<b>pass</b>: met. <b>fail</b>: not met. <b>unknown</b>: neither is certain. <b>note</b>: information "
+            "without a verdict. Each ratio has a range, which follows from the bounds of both compliances.",
             "quiet",
         )
     )
@@ -90,17 +90,17 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
     """Return the compliances on finer and finer meshes, or the compliance by a single solve."""
     levels = tables.levels_table(findings, number)
     if levels is None:
-        words = "The compliance was found by one solve on the mesh as it is cut; "
+        words = "The compliance is from one solve on the mesh of the cut sheet; "
         words += f"its bound, {percent(estimates.QUICK_ERRORS[1])}, holds for nine designs in ten. "
-        words += "It shows no convergence: <code>--level full</code> does."
+        words += "To see the convergence on finer meshes, use <code>--level full</code>."
         return ReportSection("Compliance", [Paragraph(words), tables.cases_table(findings, number)])
     check = findings.judgement.check
     assert check is not None
     blocks: list[Block] = [
         Paragraph(
-            "Compliance is the work of the loads: the smaller, the stiffer. The structure was solved on the mesh as it "
-            "is cut and on finer ones, by two pairs of finite elements that mostly err to opposite sides; the value is "
-            f"extrapolated and counts as known when its bound is {percent(CONVERGED)} or less."
+            "Compliance is the work of the loads; a smaller compliance means a stiffer structure. The structure was "
+            "solved on the mesh of the cut sheet and on finer ones. Two pairs of finite elements have mostly opposite "
+            f"errors. The value is extrapolated; it is known if its bound is at most {percent(CONVERGED)}."
         ),
         levels,
         *([Paragraph(PLANE, "quiet")] if findings.is_plane else []),
@@ -128,22 +128,22 @@ def comparison_section(
         spread = rival.spread
         least, mean, worst = (significant_digits(x / full) for x in (spread.best, spread.mean, spread.worst))
         words = (
-            f"{LABELS[rival.name]}: {spread.carried} of {spread.tried} variants carry the loads, by one solve each "
-            f"from {least} to {worst} times the compliance of the whole sheet, {mean} times in the mean; the table has "
-            "the stiffest."
+            f"{LABELS[rival.name]}: {spread.carried} of {spread.tried} variants carry the loads. By one solve each, "
+            f"they have {least} to {worst} times the compliance of the whole sheet, {mean} times in the mean. The "
+            "table has the stiffest."
         )
         blocks.append(Paragraph(words, "quiet"))
     if "bars" in charts:
-        caption = number.figure("Compliance of structures of one mass; thin lines are bounds.")
+        caption = number.figure("Compliance of structures of the same mass; thin lines are bounds.")
         blocks.append(ReportFigure(caption, *charts["bars"], 0.92))
     if findings.volumes:
         if words := thinner_sheet_words(findings):
             blocks.append(Paragraph(words))
         blocks.append(tables.volumes_table(findings, number))
     if "volumes" in charts:
-        caption = number.figure("Compliance over mass; the design's widths are scaled.")
+        caption = number.figure("Compliance against mass; the widths of the design are scaled.")
         blocks.append(ReportFigure(caption, *charts["volumes"], 0.92))
-    return ReportSection("The same mass spent otherwise", blocks)
+    return ReportSection("Other structures of the same mass", blocks)
 
 
 def displacement_and_stress_section(
@@ -162,13 +162,13 @@ def displacement_and_stress_section(
     stress_figure = pictures.stress(
         findings.fields[stressed_case],
         number.figure(
-            f"von Mises stress{under[stressed_case]}, the largest of top, middle and bottom of the sheet as it is cut; "
-            f"on 99 % of the area of the finest mesh at most {quantity(stressed_answer.stress.quantile, 'Pa')}."
+            f"von Mises stress{under[stressed_case]}, the largest of top, middle and bottom of the cut sheet. On 99 % "
+            f"of the area of the finest mesh it is at most {quantity(stressed_answer.stress.quantile, 'Pa')}."
         ),
     )
     words = Paragraph(
-        f"Both pictures are those of one solve on the mesh as it is cut, by {elements_of('displacement')} elements; "
-        "the table has the stress of the finest mesh that was solved.",
+        f"Both pictures are of one solve on the mesh of the cut sheet, by {elements_of('displacement')} elements. "
+        "The table has the stress of the finest mesh.",
         "quiet",
     )
     blocks: list[Block] = [words, moved_figure, stress_figure, tables.stress_table(findings, number)]
@@ -186,36 +186,36 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
     preset = findings.task.preset
     statics = preset.statics
     assumed = [
-        "Linear elastic, isotropic material; small displacements; loads that do not follow the motion.",
-        f"A thin sheet of one thickness ({length_or_na(statics.thickness)}); where a load asks for its own weight, it "
-        "is that of the material that is there, of the design and of each competitor. The directions of the stripes "
-        f"were sought with that of {'what stripes leave' if preset.pattern.rounds else 'the uncut sheet'}.",
+        "Linear elastic, isotropic material; small displacements; loads that keep their direction.",
+        f"A thin sheet of constant thickness ({length_or_na(statics.thickness)}). Self-weight is that of the "
+        "material, for the design and for each competitor. The directions of the stripes follow from the weight of the "
+        f"{'cut' if preset.pattern.rounds else 'uncut'} sheet.",
         "Supports are rigid unless they are springs, and hold in both directions.",
-        "What lies on openings (snow, wind, pressure, cladding) is carried by a covering to the material nearest along "
-        "the surface, with its sum and its moment, unless a load is not covered: then it acts on the members alone. A "
-        "concentrated load on what was cut away goes to the nearest material, and is spread over the material around.",
-        "The middle surface is smooth: new points of finer meshes lie on a surface through the vertices.",
-        "All competitors have the same mass to a thousandth, the same loads, supports, kept regions (SIMP those that "
-        "are drawn, and discs of its own) and, but for the thinner sheet, the same thickness.",
+        "Snow, wind, pressure and cladding on openings are transferred by a covering to the nearest material along the "
+        "surface, with the same sum and moment. A load without a covering acts on the members alone. A concentrated "
+        "load on an opening acts on the nearest material, and is distributed there.",
+        "The middle surface is smooth: new points of finer meshes lie on a smooth surface through the vertices.",
+        "All competitors have the same mass to 0.1 %, and the same loads, supports and kept regions (SIMP: the regions "
+        "of the preset, and discs of its own). Except for the thinner sheet, they have the same thickness.",
     ]
     if statics.law == "stvk":
         assumed[0] = "The paper's material (St. Venant and Kirchhoff's, linearised); small displacements."
     cases = list(findings.judgement.cases.values()) if findings.carries else []
     missing = [
-        "Strength: the preset gives none, so stress is shown and not judged." if not statics.strength else "",
+        "Strength: the preset has none, so the stress has no verdict." if not statics.strength else "",
         ""
         if any(case.buckling for case in cases)
-        else "Buckling: not asked for (<code>--buckling</code>); thin ribs in compression may need it.",
-        "" if any(case.frequency for case in cases) else "Vibration: not asked for (<code>--frequency</code>).",
+        else "Buckling: not requested (<code>--buckling</code>), but thin ribs in compression may buckle.",
+        "" if any(case.frequency for case in cases) else "Vibration: not requested (<code>--frequency</code>).",
         "Imperfections, cracks, fatigue, creep, temperature, shrinkage, moisture, fire and corrosion.",
         "Connections, joints between parts, bearings, foundations, assembly and erection.",
         "Partial factors and load combinations of any code, except those of the preset.",
-        "Orthotropy of the material (timber, printed layers); the numbers hold for the two constants given.",
-        "The part as it is made, and the file that it is made from (<code>dsfab check</code> measures that).",
+        "Orthotropy of the material (timber, printed layers); the results hold for isotropic material.",
+        "The finished part, and the file for its production (<code>dsfab check</code> measures the file).",
     ]
     words = Paragraph(
-        "This report is about the stiffness of one sheet as it is drawn. It is no proof of safety under any building "
-        "code, and does not take the place of an engineer's."
+        "This report is about the stiffness of the sheet of this design. It is no proof of safety under any building "
+        "code, and does not replace the proof of an engineer."
     )
     return [
         ReportSection("What was assumed", [Bullets(assumed)]),
@@ -228,16 +228,16 @@ def calibration_section() -> ReportSection:
     rows = calibration.shipped_table()
     result, kinds = calibration.summary(rows), len({row.kind for row in rows})
     text = (
-        f"The rule that gives the bound was tested on {result.designs} random designs on {kinds} surfaces, each solved "
-        "on one or two meshes beyond those of its verdict: the compliance found there lies within the bound in "
+        f"The rule for the bound was tested on {result.designs} random designs on {kinds} surfaces. Each was solved "
+        "on one or two meshes finer than those of its verdict. The compliance found there lies within the bound in "
         f"<b>{round(result.inside * result.designs)} of {result.designs}</b> cases. The median bound is "
         f"<b>{percent(result.median_bound)}</b>, the largest error of the value {percent(result.largest_error)}. One "
-        f"solve on the cut mesh (level quick) is off by {percent(result.quick_median)} in the median, and by "
-        f"{percent(result.quick_most)} at most for nine in ten. The rule was fitted on these designs: it is "
-        "calibrated, not proven. <code>dsfab verify --calibration</code> prints the table and makes it anew; "
+        f"solve on the cut mesh (level quick) has a median error of {percent(result.quick_median)}, and at most "
+        f"{percent(result.quick_most)} for nine designs in ten. The rule was fitted to these designs: it is "
+        "calibrated, not proven. <code>dsfab verify --calibration</code> prints the table and computes it again; "
         "<code>dsfab verify</code> tests the elements on structures with published answers."
     )
-    return ReportSection("Can the bound be believed?", [Paragraph(text)])
+    return ReportSection("How reliable is the bound?", [Paragraph(text)])
 
 
 def reproduction_section(
@@ -245,13 +245,13 @@ def reproduction_section(
 ) -> ReportSection:
     """Return command, versions and preset of the report."""
     blocks: Sequence[Block] = [
-        Paragraph("Made by this command, with the preset below and these versions:"),
+        Paragraph("This command made the report, with the preset below and these versions:"),
         Code(command),
         tables.versions_table(versions, number),
-        Paragraph("The preset in full, with every value that was left out:"),
+        Paragraph("The complete preset, with all default values:"),
         Code(preset),
     ]
-    return ReportSection("Making it again", blocks, own_page=True)
+    return ReportSection("How to repeat the report", blocks, own_page=True)
 
 
 def carrying_sections(
@@ -286,7 +286,7 @@ def failed_sections(
     versions: Mapping[str, str],
     preset: str,
 ) -> list[ReportSection]:
-    """Return all sections for a design without equilibrium; they hold no displacements, stresses and reactions."""
+    """Return all sections for a design without equilibrium; they hold no displacements, stresses or reactions."""
     return [
         _failed_summary(findings, pictures, number),
         checks_section(findings, number),
@@ -309,20 +309,20 @@ def _failed_summary(findings: Findings, pictures: FindingsPictures, number: Capt
 
 def _advice(findings: Findings) -> str:
     carrying = [share for share, compared in findings.volumes if compared.design.judgement]
-    words = "No compliance, displacement or stress can be given for what is not in equilibrium. "
+    words = "A design without equilibrium has no compliance, displacement or stress. "
     if carrying:
         shares = enumeration([f"{share:.0%}" for share in carrying])
-        return words + f"With its widths scaled it carries them at {shares} of the material."
+        return words + f"With scaled widths the design carries its loads at {shares} of the material."
     return words + (
-        "More material (wider stripes, lower thresholds), a rim, or kept regions around loads and supports close such "
-        "gaps; so do other phases, modes or frequencies."
+        "More material (wider stripes, lower thresholds), a rim, or kept regions around loads and supports may close "
+        "the gaps. Other phases, modes or frequencies may help, too."
     )
 
 
 def _failed_picture(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportFigure:
     if findings.has_structure:
         red = "; red reaches no support" if findings.design.loose > 0 else ""
-        caption = f"What the pattern draws{red}. Arrows are loads, cones are supports."
+        caption = f"All material of the pattern{red}. Arrows are loads, cones are supports."
         return pictures.all_material(number.figure(caption), 0.86)
     caption = "The surface before it is cut. Arrows are loads, cones are supports."
     return pictures.case(findings.cases[0], number.figure(caption), 0.86)
@@ -333,7 +333,7 @@ def _failed_table(findings: Findings, number: CaptionNumbers) -> Table:
     size = f"{share_words(design.area_fraction)} of the surface, {length_or_na(design.thickness)} thick"
     rows = [
         ("Mass", mass(design.mass), size),
-        ("Pieces", str(design.pieces), f"{share_words(design.loose)} of what is drawn reaches no support"),
+        ("Pieces", str(design.pieces), f"{share_words(design.loose)} of the material reaches no support"),
         ("Compliance", "none", "not in equilibrium"),
         *(_competitor_row(findings, name) for name in ("full", *(rival.name for rival in findings.compared.rivals))),
     ]

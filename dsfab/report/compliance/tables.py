@@ -27,7 +27,7 @@ from dsfab.statics import elements_of
 from dsfab.study.alternatives import Competitor
 from dsfab.surface import Surface
 
-AWAY_FROM_CORNERS = "further than a rib's width from corners"  # Only here the largest stress converges.
+AWAY_FROM_CORNERS = "further than a rib's width from corners"  # At corners the largest stress diverges.
 DUST = 5e-5  # A force below this share of the largest force is shown as 0.
 
 
@@ -83,7 +83,7 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
         ),
     ]
     if sheet:
-        rows.append(("Mesh as it is cut", f"{_thousands(sheet.m)} triangles"))
+        rows.append(("Mesh of the cut sheet", f"{_thousands(sheet.m)} triangles"))
     return Table(number.table("Structure and material."), ("Property", "Value"), rows, 2, "", (2, 5))
 
 
@@ -92,13 +92,13 @@ def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
     titled = zip(quality.titles, quality.families, strict=True)
     families = [(title, family) for title, (_, family) in titled if family.drawn]
     rows = [
-        ("Distance of members, median", *(length_or_na(family.spacing[1]) for _, family in families)),
-        ("Clear opening, on nine tenths of the area", *(_opening_range(family) for _, family in families)),
-        ("Widest over narrowest distance (P95/P5)", *(f"{family.evenness:.2f}" for _, family in families)),
+        ("Distance between members, median", *(length_or_na(family.spacing[1]) for _, family in families)),
+        ("Clear opening, on 90 % of the area", *(_opening_range(family) for _, family in families)),
+        ("Widest / narrowest distance (P95 / P5)", *(f"{family.evenness:.2f}" for _, family in families)),
         ("Dead ends", *(str(family.dead) for _, family in families)),
         ("Openings narrower than the members beside them", *(str(family.slits) for _, family in families)),
-        ("Off the stress, mean", *(f"{family.deviation:.1f}°" for _, family in families)),
-        ("Off the stress by over 30°", *(percent(family.off) for _, family in families)),
+        ("Angle between members and stress, mean", *(f"{family.deviation:.1f}°" for _, family in families)),
+        ("Share with an angle above 30°", *(percent(family.off) for _, family in families)),
     ]
     note = (
         f"Members cross at {quality.crossing_angle:.0f}° or more." if len(families) == 2 else "One family of members."
@@ -146,7 +146,7 @@ def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
     widths = (2, *formula_width, 1.3, 1.3, 1.3, 1.5, 1.2)
     caption = f"Sums of the loads on the {'cut' if findings.cut_load_sums else 'uncut'} sheet."
     rule = task.preset.surface.combinations
-    note = f"Combined after {rule}, with its factors where surface.factors gives no others. " if rule else ""
+    note = f"Combined by {rule}; factors in surface.factors replace those of the standard. " if rule else ""
     return Table(number.table(caption), head, rows, 2 if combined else 1, note + _uncut_note(sums, uncut), widths)
 
 
@@ -159,7 +159,7 @@ def _uncut_note(sums: Mapping[str, Floats], uncut: Mapping[str, Floats]) -> str:
     ]
     if not larger:
         return ""
-    return f"The uncut sheet carries more of its own weight, or of what is not covered: {', '.join(larger)}."
+    return f"The uncut sheet carries more self-weight, or more of the loads without a covering: {', '.join(larger)}."
 
 
 def ordered_cases(findings: Findings) -> list[str]:
@@ -254,13 +254,13 @@ def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
     value = check.case(name)
     note = (
         f"Extrapolated: <b>{significant_digits(value.value / factor, 5)} {unit} ± {percent(value.bound)}</b>. "
-        f"That is of a thin sheet: a solid of it is up to {percent(value.theory)} softer. "
-        "Level 1 is the mesh as it is cut, each further one has four triangles for one, new points on the smooth "
-        "surface. The spread of the pairs is that of level 1. ZZ: recovery error. Memory of the whole process."
+        f"This holds for a thin sheet: the solid is up to {percent(value.theory)} softer. "
+        "Level 1 is the mesh of the cut sheet. Each further level divides triangles into four, with new points on the "
+        "smooth surface. Spread: difference of the pairs at level 1. ZZ: recovery error. GB: memory of the process."
     )
     pairs = (f"{elements_of(use)}, {unit}" for use in ("compliance", "spread"))
     head = ("Level", "Triangles", "Unknowns", *pairs, "Spread", "ZZ memb.", "ZZ bend.", "Residual", "s", "GB")
-    caption = f"Compliance mesh after mesh{'' if len(findings.cases) == 1 else f', load case {escaped_text(name)}'}."
+    caption = f"Compliance on finer meshes{'' if len(findings.cases) == 1 else f', load case {escaped_text(name)}'}."
     return Table(number.table(caption), head, rows, 1, note, (0.8, 1.2, 1.2, 1.3, 1.4, 1, 1, 1, 1, 0.8, 0.8))
 
 
@@ -283,7 +283,7 @@ def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
             )
         )
     head = ("Load case", "Compliance", "Verdict", "Moves at most", "von Mises", "Tension", "Compression")
-    note = "Stress: what 99 % of the area does not exceed, of the top, the middle and the bottom of the sheet."
+    note = "Stress: the value that 99 % of the area does not exceed, at top, middle and bottom of the sheet."
     widths = (1.6, 2.4, 1.1, 1.4, 1.4, 1.4, 1.6)
     return Table(number.table("Load cases, the governing one first."), head, rows, 1, note, widths)
 
@@ -299,14 +299,14 @@ def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
     ):
         values = (quantity(value, "Pa") for value in (extreme.quantile, extreme.settled, extreme.value))
         rows.append((label, *values, point_words(extreme.place)))
-    head = ("Stress", "99 % of the area", "Off corners by a rib's width", "This mesh shows", "At")
+    head = ("Stress", "99 % of the area", "Away from corners", "Largest of this mesh", "At")
     note = (
-        "At corners that bend inwards and where supports end, the peak is not a number: it is infinite, and what a "
-        "mesh shows grows with every finer one. Judge by the first two columns: what 99 % of the area does not exceed, "
-        "and the largest further than a rib's width from all of them."
+        "At inner corners and at ends of supports the exact stress is infinite, and the value of a mesh grows with "
+        "every finer mesh. So use the first two columns: the value that 99 % of the area does not exceed, and the "
+        "largest value further than a rib's width from all such corners."
     )
     under = f" under {escaped_text(name)}" if len(findings.cases) > 1 else ""
-    caption = f"Stress{under}, of a mesh of {_thousands(case.triangles)} triangles."
+    caption = f"Stress{under}, on a mesh of {_thousands(case.triangles)} triangles."
     return Table(number.table(caption), head, rows, 1, note, (2.4, 1.4, 1.6, 1.4, 2))
 
 
@@ -336,21 +336,21 @@ def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Ta
 
 
 def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return all competitors with mass, compliance, displacement, stress and level of judgement."""
+    """Return all competitors with mass, compliance, displacement, stress, and level of judgement (full or quick)."""
     rows = [_rival_row(findings, competitor) for competitor in findings.compared.competitors]
     _, unit = prefixed_unit(findings.reference_compliance, "J")
     head = (
-        "Structure", "Mass", "Kept", f"Compliance, {unit}", "Over whole sheet", "Over design", "Moves", "99 % stress",
+        "Structure", "Mass", "Kept", f"Compliance, {unit}", "/ whole sheet", "/ design", "Moves", "99 % stress",
         "Level",
     )  # fmt: skip
     names = [competitor.name for competitor in findings.compared.competitors]
     levels = {competitor.judgement.level for competitor in findings.compared.competitors if competitor.judgement}
-    note = "Ratios of compliance: above 1 is softer. Level full: two meshes or three, extrapolated. "
+    note = "Columns with /: ratios of compliance, above 1 is softer. Level full: two or three meshes, extrapolated. "
     note += (
         "Level quick: one solve on the cut mesh; its bound holds for nine designs in ten." if "quick" in levels else ""
     )
     return Table(
-        number.table("The design and others under the same loads, on the same supports, with the same kept regions."),
+        number.table("The design and its competitors, with the same loads, supports and kept regions."),
         head, rows, 1, note, (2.6, 1.1, 1.1, 1.9, 1, 1, 1.4, 1.4, 0.8), (names.index("design"),),
     )  # fmt: skip
 
@@ -388,8 +388,8 @@ def volumes_table(findings: Findings, number: CaptionNumbers) -> Table:
     level_note = {
         frozenset(("full",)): "Judged by full checks.",
         frozenset(("quick",)): "Judged by one solve each, whole sheets on their coarse meshes too.",
-    }.get(frozenset(levels), "Whole sheets are judged by full checks, those that are cut by one solve.")
-    note = f"Compliance over that of the whole sheet; - : carries nothing at that share. {level_note}"
+    }.get(frozenset(levels), "Whole sheets are judged by full checks, cut sheets by one solve.")
+    note = f"Compliance divided by that of the whole sheet; - : carries nothing at this share. {level_note}"
     return Table(number.table("Compliance at other masses."), head, rows, 1, note)
 
 

@@ -17,7 +17,7 @@ from dsfab.study.alternatives import Competitor
 TITLES = {
     "pass": "Pass: the structure carries its loads, and its compliance is known",
     "fail": "Fail",
-    "unknown": "Unknown: not everything that was asked could be established",
+    "unknown": "Unknown: at least one check has no clear result",
 }
 
 
@@ -51,10 +51,10 @@ def alternative_banners(findings: Findings) -> list[Banner]:
     certain_names = {alternative.name for alternative in stiffer if alternative.low > 1}
     title = escaped_text(sentence(losing_line(stiffer)))
     if not certain_names:
-        return [Banner("unknown", title, "What is known of the two compliances does not tell them apart.")]
+        return [Banner("unknown", title, "The bounds of the two compliances overlap.")]
     reasons = {
-        "thinner": "Openings have to be wanted for other reasons than stiffness, such as light or air.",
-        "isotropic": "Following the stress, as this design does it, does not pay here.",
+        "thinner": "Openings make sense only for other reasons than stiffness, such as light or air.",
+        "isotropic": "Stripes along the stress, as in this design, bring no stiffness here.",
     }
     return [Banner("fail", title, " ".join(reason for name, reason in reasons.items() if name in certain_names))]
 
@@ -62,7 +62,7 @@ def alternative_banners(findings: Findings) -> list[Banner]:
 def comparison_sentences(findings: Findings) -> list[str]:
     """Return a sentence for each competitor: how much stiffer or softer the design is."""
     lines = [_rival_sentence(findings, rival) for rival in findings.compared.rivals]
-    return lines or ["It was compared with no other structure."]
+    return lines or ["The design was compared with no other structure."]
 
 
 def _rival_sentence(findings: Findings, rival: Competitor) -> str:
@@ -83,7 +83,7 @@ def _rival_sentence(findings: Findings, rival: Competitor) -> str:
         return f"{opening_words} {range_words(low, middle, high)} times as stiff."
     if high < 1:
         return f"{opening_words} <b>softer</b>: {range_words(low, middle, high)} times as stiff."
-    return f"{opening_words} {range_words(low, middle, high)} times as stiff: too close to call within what is known."
+    return f"{opening_words} {range_words(low, middle, high)} times as stiff: within the bounds either may be stiffer."
 
 
 def first_reason(error: str) -> str:
@@ -97,11 +97,11 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
     thinner_words = f"a <b>whole sheet without openings, {thickness} thick</b>, of the same mass"
     if high < 1:
         return (
-            f"It must be said plainly: {thinner_words} is <b>{1 / middle:.3g} times as stiff as this design</b> "
-            f"({1 / high:.3g} to {1 / low:.3g}). Keeping {kept_share} of the surface does not pay in stiffness here; "
-            "openings have to be wanted for other reasons, such as light, air, or a thickness that cannot be had."
+            f"Please note: {thinner_words} is <b>{1 / middle:.3g} times as stiff as this design</b> "
+            f"({1 / high:.3g} to {1 / low:.3g}). Keeping only {kept_share} of the surface brings no stiffness here. "
+            "Openings make sense only for other reasons, such as light, air, or a thin sheet that is not available."
         )
-    verdict = "concentrating material pays" if low > 1 else "too close to call"
+    verdict = "concentrating the material helps" if low > 1 else "within the bounds either may be stiffer"
     return f"Beside {thinner_words} the design is {range_words(low, middle, high)} times as stiff: {verdict}."
 
 
@@ -124,7 +124,7 @@ def thinner_sheet_words(findings: Findings) -> str:
         lines.append(f"At {where} the design is stiffer than a thinner whole sheet of the same mass.")
     if open_shares:
         shares = enumeration(open_shares)
-        lines.append(f"At {shares} design and thinner sheet are too close to call within their bounds.")
+        lines.append(f"At {shares} the bounds of the design and the thinner sheet overlap.")
     return " ".join(lines)
 
 

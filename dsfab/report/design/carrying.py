@@ -1,4 +1,4 @@
-"""The verdict on a design, in words: whether it carries its loads, figures, likely cures, and a table of reactions."""
+"""The verdict on a design, in words: whether it carries its loads, key figures, advice, and a table of reactions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import hypot
@@ -9,12 +9,12 @@ from dsfab.core.messages import length, load_factor, mass, point_words, table
 if TYPE_CHECKING:
     from dsfab.study.carrying import Carrying
 
-USUAL_SPAN_SHARE = 300  # a movement over 1/300 of the span is reported [EN 1990, annex A1.4: by agreement, usually 300]
+USUAL_SPAN_SHARE = 300  # a movement > 1/300 of the span is reported [EN 1990, annex A1.4: by agreement, usually 300]
 SHOWN_SUPPORTS = 6  # number of supports in a short table of reactions
 LEVEL = 1e-3  # a horizontal force below this share of the reaction is a rounding error
 OPPOSED = 0.1
-"""Horizontal forces at a support, as along a ring, cancel out if their resultant is below this share of their sum.
-At a foot this share is 0.4, because its vertices also hold the foot together."""
+"""Horizontal forces at a support, as along a ring, count as opposite if their resultant is below this share of their
+sum. At a single foot the share is 0.4, because its vertices also hold the foot together."""
 
 
 def verdict_line(name: str, carrying: "Carrying") -> str:
@@ -27,18 +27,18 @@ def verdict_line(name: str, carrying: "Carrying") -> str:
 
 
 def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
-    """Return the likely cure of a design that does not carry its loads; '' if the design carries its loads.
+    """Return advice for a design that does not carry its loads; '' if the design carries its loads.
     is_sized : whether sizing has tried every thickness of the stock, and more material."""
     if not carrying.faults:
         return ""
     if is_sized:
-        return "no thickness of the stock suffices: add supports (--stand), give the surface more rise, or load it less"
+        return "no thickness of the stock suffices: add supports (--stand), make the surface higher, or reduce loads"
     thicker = f"make it thicker (--set statics.thickness={1.25 * carrying.thickness:.2g})"
-    return f"{thicker}, keep more material (--set pattern.width.solid_fraction=...), or support it otherwise"
+    return f"{thicker}, keep more material (--set pattern.width.solid_fraction=...), or change the supports"
 
 
 def figure_lines(carrying: "Carrying") -> Iterator[str]:
-    """Yield lines on the most used member, the movement, buckling and the mass, all of the cut structure."""
+    """Yield lines on the largest utilisation, the movement, buckling and the mass, all of the cut structure."""
     use, moved = carrying.use, carrying.movement
     several = len({row.case for row in carrying.reactions}) > 1
     if use:
@@ -65,8 +65,8 @@ def carrying_notes(carrying: "Carrying") -> Iterator[str]:
 
 
 def reaction_lines(reactions: Sequence[Mapping[str, Any]], every: bool = False) -> list[str]:
-    """Return a table of the forces with which supports push (kN), from `carrying.reactions` of `design.json`.
-    every : whether to list all cases; otherwise the table has only the largest reaction of the most loaded supports."""
+    """Return a table of the reactions (kN), from `carrying.reactions` of `design.json`.
+    every : True lists all cases; False lists only the largest reaction of the most loaded supports."""
     rows, several = list(reactions), len({row["case"] for row in reactions}) > 1
     if not every:
         largest: dict[str, Mapping[str, Any]] = {}

@@ -214,10 +214,10 @@ def alternative_lines(facts: Mapping[str, Any]) -> list[str]:
 def _alternative_line(alternative: Mapping[str, Any]) -> str:
     subject = f"{ALTERNATIVE_WORDS[alternative['name']]} of the same mass"
     if alternative.get("error"):
-        return f"beside {subject}: there is none that carries the loads"
+        return f"compared with {subject}: there is none that carries the loads"
     over = alternative["over"]
     verdict = "does not carry its loads" if over is None else f"has {over:.3g} x its compliance"
-    return f"beside {subject}: the design {verdict} ({alternative['level']})"
+    return f"compared with {subject}: the design {verdict} ({alternative['level']})"
 
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:

@@ -132,7 +132,7 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         if not opening[2] > 0:
             yield f"{title}: no opening between them"
             continue
-        sizes = f"{length(opening[1])} clear between them, {length(opening[0])} to {length(opening[2])} on nine tenths"
+        sizes = f"{length(opening[1])} clear between them, {length(opening[0])} to {length(opening[2])} on 90 %"
         ratio = f"; spacing P95/P5 {spacing[2] / spacing[0]:.2f}" if spacing[0] > 0 else ""
         yield f"{title}: {sizes}{ratio}"
 
@@ -230,7 +230,7 @@ def _narrow_line(facts: Mapping[str, Any]) -> Iterator[str]:
         places = (f"{v['what']} of {length(v['m'])} at {point_words(v['at_m'])}" for v in narrow.values())
         missing_limits = " and ".join(f"fabrication.{key}" for key in narrow)
         words = f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}"
-        yield f"{words}; set {missing_limits} and build with --fix where that cannot be made"
+        yield f"{words}; if your workshop cannot make this, set {missing_limits} and build with --fix"
 
 
 def _touched_words(piece: Mapping[str, Any]) -> str:

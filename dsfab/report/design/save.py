@@ -69,10 +69,10 @@ def save(
     marked: bool = False,
     announce: Announcements = SILENT,
 ) -> SavedDesign:
-    """Write the files of a design into `folder`. Verdict, pictures and quick formats come together, or not at all.
+    """Write the files of a design into `folder`. Verdict, pictures and quick formats appear together, or not at all.
     STEP and BREP follow, because OCCT checks them for up to a minute; without them the folder is usable.
 
-    picture : also write preview.png for clients, and analysis.png with the loads and the use of the cut structure.
+    picture : also write preview.png for clients, and analysis.png with the loads and the utilisation.
     marked  : also write fabrication.png, which marks the smallest member, gap and wall.
     Raises ExportError for a folder that cannot be written. `SavedDesign.refused` reports a STEP file that is too large.
     Raises PatternError for a design that nobody should build, unless its preset accepts the faults: see `require_fit`.

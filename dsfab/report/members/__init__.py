@@ -126,10 +126,10 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
     names = [utilisation.bays.member[bay] for bay in utilisation.worst_bays(WORST_COUNT)]
     labels = [f"{100 * step * k:.4g} %" for k in range(count + 1)]
     caption = number.figure(
-        f"What each bay bears of what it can, in the case and the check that decide. The {len(names)} worst members "
-        "are named; plates, discs and fills are not checked and have no colour."
+        f"Utilisation of each bay, in its decisive case and check. The names are those of the {len(names)} most used "
+        "members; plates, discs and fills are not checked and have no colour."
     )
-    scale = ColourScale("utilisation: 100 % is full", band_colours(count), labels)
+    scale = ColourScale("utilisation; at 100 % the resistance is reached", band_colours(count), labels)
     try:
         pixels = rated_members_picture(design, band, count, names, size=SIZE, palette=WHITE)
     except DsfabError as error:
@@ -155,7 +155,7 @@ def bay_values(design: Design) -> Floats:
 
 
 def worst_member_words(utilisation: Utilisation) -> str:
-    """Return the most used member with its utilisation, for example 'B10, 63 %'."""
+    """Return the member with the largest utilisation and its value, for example 'B10, 63 %'."""
     worst = utilisation.order[0]
     return f"{utilisation.bays.member[worst]}, {percent(float(utilisation.largest[worst]))}"
 
@@ -164,23 +164,23 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSe
     """Return the first page: a verdict on the members alone, and a picture."""
     overloaded = sum(value > 1 for value in utilisation.by_member.values())
     if utilisation.standard.startswith("no standard"):
-        status, title = "unknown", "No standard: stress over strength"
+        status, title = "unknown", "No standard: stress / strength"
     elif overloaded:
-        status, title = "fail", f"{overloaded} of {len(utilisation.by_member)} members bear more than they can"
+        status, title = "fail", f"{overloaded} of {len(utilisation.by_member)} members exceed their resistance"
     else:
         status = "pass" if utilisation.combined else "unknown"
-        title = f"Each of {len(utilisation.by_member)} members bears less than it can"
-        title += "" if utilisation.combined else ", of loads without partial factors"
+        title = f"Each of {len(utilisation.by_member)} members is below its resistance"
+        title += "" if utilisation.combined else ", under loads without partial factors"
     text = f"{utilisation.summary}. Checked by {utilisation.standard}. {utilisation.assumed[0]}"
     words = (
-        "Forces are summed up from the shell, section by section. Joints, and the stability of the structure as a "
-        "whole, are not checked here: see what was not checked."
+        "The forces are sums of the internal forces of the shell, section by section. Joints and the stability of the "
+        "whole structure are not checked: see 'What was assumed, and what was not checked'."
     )
     return ReportSection("Summary", [Banner(status, title, escaped_text(text)), Paragraph(words), picture])
 
 
 def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return the most used members, each with its decisive clause and forces."""
+    """Return the members with the largest utilisation, each with its decisive clause and forces."""
     bays = utilisation.worst_bays(WORST_COUNT)
     decisive = []
     for bay in bays:
@@ -189,9 +189,9 @@ def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSec
         words = check.name, check.clause, case
         decisive.append((utilisation.bays.member[bay], utilisation.bays.name[bay], *map(escaped_text, words), share))
     head = ("Member", "Bay", "Check", "Clause and formula", "Case", "Utilisation")
-    caption = number.table("The worst bay of each of the worst members.")
+    caption = number.table("The most used bay of each of the most used members.")
     table = Table(caption, head, decisive, 5, "", (1, 1.5, 2.6, 3.2, 1.5, 1.3))
-    return ReportSection("The worst members", [table, _decisive_forces_table(utilisation, bays, number)], own_page=True)
+    return ReportSection("Most used members", [table, _decisive_forces_table(utilisation, bays, number)], own_page=True)
 
 
 def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], number: CaptionNumbers) -> Table:
@@ -204,8 +204,8 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
         numbers = [f"{x / factor:.{decimals}f}" for x, (factor, _, decimals) in zip(row, scale, strict=True)]
         rows.append((bays.member[bay], section, length_or_na(float(bays.length[bay])), *numbers))
     heads = [f"{name}, {unit}" for name, (_, unit, _) in zip(COMPONENTS, scale, strict=True)]
-    title = number.table("The same: section, length from node to node, and forces where that check decides.")
-    note = "N positive is tension. My bends with the surface and stretches the side of its normal, Mz bends in it."
+    title = number.table("The same bays: section, length from node to node, and forces at the decisive section.")
+    note = "Positive N is tension. My bends out of the surface, with tension at its normal's side; Mz bends in it."
     return Table(title, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS)))
 
 
@@ -217,11 +217,11 @@ def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
 
 
 def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
-    """Return force diagrams of the most used members."""
+    """Return force diagrams of the members with the largest utilisation."""
     utilisation = design.member_utilisation
     rows = [(utilisation.bays.member[b], utilisation.governing(b)[1]) for b in utilisation.worst_bays(WORST_COUNT)]
     several = len(utilisation.bays.forces) > 1
-    case_note = "Each in the case that decides, named beside it; grey: least and greatest of all cases. " * several
+    case_note = "Each in its decisive case, named beside it; grey: least and greatest of all cases. " * several
     figures, count = [], 3  # a figure of three members fills half a page
     for start in range(0, len(rows), count):
         part = rows[start : start + count]
@@ -229,7 +229,7 @@ def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
         names = ", ".join(name for name, _ in part)
         words = f"Section forces along {names}. {case_note}Strokes at the bottom are nodes."
         figures.append(ReportFigure(number.figure(words), image, size, 1.0))
-    return ReportSection("Forces along them", figures, own_page=True)
+    return ReportSection("Forces along these members", figures, own_page=True)
 
 
 def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
@@ -240,7 +240,7 @@ def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSe
         bay = int(values.argmax())
         member = utilisation.bays.member[bay] if values[bay] > 0 else "-"
         rows.append((escaped_text(check.name), escaped_text(check.clause), member, percent(float(values[bay]))))
-    caption = number.table("The largest of each check over all bays and cases.")
+    caption = number.table("The largest utilisation by each check, of all bays and cases.")
     table = Table(caption, ("Check", "Clause and formula", "Member", "Utilisation"), rows, 3, "", (3, 4.4, 1.2, 1.3))
     return ReportSection("Check by check", [table])
 
@@ -254,20 +254,20 @@ def scope_section(utilisation: Utilisation) -> ReportSection:
         Bullets(assumed),
         Paragraph("<b>Not checked:</b>"),
         Bullets(missing),
-        Paragraph("This is a first look, and does not take the place of an engineer's proof.", "quiet"),
+        Paragraph("This is a first estimate, and does not replace the proof of an engineer.", "quiet"),
     ]
     return ReportSection("What was assumed, and what was not checked", blocks)
 
 
 def members_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return a list of all members in three columns, the most used member first."""
+    """Return a list of all members in three columns, the member with the largest utilisation first."""
     ranked, limit = sorted(utilisation.by_member.items(), key=lambda item: -item[1]), 400
     shown = [(name, percent(value)) for name, value in ranked[:limit]]
     third = -(-len(shown) // 3)
     columns = [[*shown[k * third : (k + 1) * third]] for k in range(3)]
     rows = [[cell for column in columns for cell in (column[k] if k < len(column) else ("", ""))] for k in range(third)]
     rest_words = f" {len(ranked) - limit} more are in member_utilisation.csv." if len(ranked) > limit else ""
-    caption = number.table("All members with bays between nodes, the largest of each." + rest_words)
+    caption = number.table("All members with bays between nodes, each with its largest utilisation." + rest_words)
     head = ("Member", "Utilisation") * 3
     return ReportSection("All members", [Table(caption, head, rows, 0, "", (1, 1, 1, 1, 1, 1))])
 
@@ -277,13 +277,13 @@ STRUCTURE_FILE = "structure.html"  # Name of the interactive page for clients.
 
 def member_report(design: Design, command: str) -> Document:
     """Return the report on the utilisation of members. command : command line that repeats the report.
-    Raises StaticsError for a material without code and strength, and if nothing carries the loads."""
+    Raises StaticsError for a material with neither a code nor a strength, and if nothing carries the loads."""
     utilisation, number, library_versions = design.member_utilisation, CaptionNumbers(), versions()
     facts = [
         ("Design", design.preset.name),
         ("Date", datetime.now(UTC).strftime("%d %B %Y")),
         ("Checked by", f"dsfab {library_versions['dsfab']}"),
-        ("Worst member", worst_member_words(utilisation)),
+        ("Most used member", worst_member_words(utilisation)),
     ]
     document_sections = [
         summary_section(utilisation, rating_figure(design, number)),
@@ -294,9 +294,9 @@ def member_report(design: Design, command: str) -> Document:
         members_section(utilisation, number),
         reproduction_section(command, library_versions, preset_toml(design.resolved_preset, for_people=True), number),
     ]
-    footer = f"Made by dsfab {library_versions['dsfab']}; a first look at members, no proof of safety under a code"
+    footer = f"Made by dsfab {library_versions['dsfab']}; a first estimate for members, no proof of safety under a code"
     subject = design.preset.name.replace("_", " ").capitalize()
-    return Document("Members against the code", subject, facts, document_sections, footer)
+    return Document("Members checked by the code", subject, facts, document_sections, footer)
 
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:
