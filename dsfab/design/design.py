@@ -335,7 +335,7 @@ class Design:
     @property
     def member_utilisation(self) -> "Utilisation":
         """Forces in the members divided by their resistance, by the standard of the material.
-        Raises StaticsError without a material and without a strength."""
+        Raises StaticsError if there is neither a material nor a strength."""
         return self.cached_result("slicing", "member utilisation", self._member_utilisation)
 
     def _member_utilisation(self) -> "Utilisation":
@@ -399,7 +399,7 @@ class Design:
 
     @property
     def cut_loads(self) -> dict[str, LoadCase]:
-        """Loads on the cut sheet that the pattern follows, by name. Raises StaticsError if a load has no support."""
+        """Loads that the pattern follows, on the cut sheet, by name. Raises StaticsError if one has no support."""
         return self._loads_on_sheet(self.preset.followed_weights)
 
     def _loads_on_sheet(self, names: Iterable[str]) -> dict[str, LoadCase]:

@@ -1,4 +1,4 @@
-"""Evenly spaced stripes: their directions, densities and phases, and lines that end where they come too close."""
+"""Evenly spaced stripes: their directions, densities and phases. Lines that come too close together end."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -48,7 +48,7 @@ class FamilyLines:
     """The lines of one family, where its phase is a whole number. Each halving ends every second line.
     most  : largest number of halvings.      wish  : (m,) wanted number of halvings on each face, 0 to `most`.
     free  : (m,) wanted number of halvings, without these limits.
-    slope : (n,) lines per metre at each vertex, if not halved.    grown : its mean, divided by the wanted mean."""
+    slope : (n,) lines per metre at each vertex, if not halved.    grown : mean slope divided by the wanted one."""
 
     phase: CornerPhase
     most: int
@@ -88,7 +88,7 @@ class StripeDirections:
         steer = replace(steering(preset.pattern, frames, symmetry, min(spacings)), loops=loops)
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
-        length = max(float(np.mean(spacings)), surface.mean_edge)  # members are too wide for changes over less
+        length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow faster changes
         along, over = _directions(preset.pattern, frames, stress, steer, images, length)
         steer = steer.with_loops(frames, stress)
         confidence = steer.confidence(surface, stress.confidence(surface.areas))
@@ -236,7 +236,7 @@ def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Float
 
 
 def no_lines(surface: Surface, spacing: float) -> FamilyLines:
-    """Return an empty family: all of its faces are singular."""
+    """Return a family without lines: all faces count as singular."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)

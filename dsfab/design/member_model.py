@@ -30,7 +30,7 @@ LOAD_DURATIONS: dict[str, "Duration"] = {
 
 def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str, "MemberForces"]) -> "Utilisation":
     """Return forces in members divided by their resistance, in cases and combinations of the ultimate limit state.
-    Raises StaticsError without a material and without a strength."""
+    Raises StaticsError if there is neither a material nor a strength."""
     from dsfab.members.eurocode import MemberBays, utilisation
 
     bays = MemberBays.from_forces(graph, forces, preset.statics.thickness)

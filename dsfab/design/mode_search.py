@@ -165,7 +165,7 @@ def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice:
     """Return the choice; its first modes and phases are now those that are stiffest with the width rule `stressed`.
     Stressed widths are computed for the best three pairs of modes and for the lowest pair. They may change the order.
     On a cantilever with 30 % material, the compliance divided by that of the uncut plate fell from 4.12 to 3.86 for
-    modes 2 and 2, and from 4.40 to 3.01 for modes 1 and 1."""
+    modes 2 and 2. It fell from 4.40 to 3.01 for modes 1 and 1."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
@@ -252,11 +252,11 @@ class StressedTrial(Trial):
 
 START = (0.25, 0.0, 0.5, 0.75)
 """Phases of the first round if the search chooses both modes; both families have the same phase. All four are tried for
-pairs with mode 1, else only the first. For higher modes, which have more hills, the phase hardly matters: on the
-cantilever, the largest compliance for these phases is 50 times the smallest with modes 1 and 1, 1.1 times with 2 and
-2, and 1.02 times with 4 and 4."""
+pairs with mode 1, else only the first. For higher modes, which have more hills, the phase hardly matters. On the
+cantilever, the largest compliance for these phases divided by the smallest is 50 with modes 1 and 1, 1.1 with 2 and 2,
+and 1.02 with 4 and 4."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, in all combinations: the first list if the search chooses no mode, the second for one."""
+"""Phases of the first round, in all combinations: the first list if the search chooses no mode, else the second."""
 TOGETHER = ((1, 1), (-1, -1))  # Changes of both phases, in steps.
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of one or both phases.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))

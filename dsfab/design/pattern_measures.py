@@ -97,8 +97,8 @@ def _sheet_quality(
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
     """Return the quality of a family, with only those dead ends that are still in the cut sheet.
-    An end does not count if its material was removed, or if its member continues, for example as a member of the other
-    family around a singular point of the stress.
+    An end does not count if its material was removed. It does not count either if its member continues, for example as
+    a member of the other family around a singular point of the stress.
     reach      : metres; without material within this distance, the end was removed.
     half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
@@ -126,7 +126,7 @@ def stripes_on_chart(design: PatternedDesign) -> StripeChart:
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
-    """Return the surface as a chart with one phase z = frequency x + phase at each vertex (n, 2), of modes x."""
+    """Return the surface as a chart. Its phases at vertices (n, 2) are z = frequency x + phase, with modes x."""
     modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
     x = np.stack([family.mode(number) for family, number in modes], axis=1)
     z = x * np.array(pattern.frequency) + np.array(pattern.phase)
@@ -192,7 +192,7 @@ def used_symmetry(design: PatternedDesign) -> Symmetry | None:
 
 
 def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -> float:
-    """Return the share of the uncut surface where stripes differ from that symmetric image which fits least."""
+    """Return the share of the uncut surface where stripes differ from their symmetric image, for the worst image."""
     return _asymmetric_share(surface, stripes.surface, symmetry, partial(_is_material, stripes))
 
 
@@ -207,7 +207,7 @@ def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
 def _asymmetric_share(
     surface: Surface, faces: Surface, symmetry: Symmetry, material: Callable[[Floats], Bools], samples: int = 120_000
 ) -> float:
-    """Return the share of the area where material differs from that symmetric image which fits least.
+    """Return the share of the area where material differs from its symmetric image, for the worst image.
 
     surface  : the uncut surface; rotations and mirrors are about its centroid.
     faces    : the chart or the cells. Sample points in them stand for equal areas; they form no rows, which could lie
@@ -260,7 +260,7 @@ def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -
     """Return the largest solid plate in which members of a single family touch outside kept regions, or None.
     The number of its filled openings is estimated as its area divided by the square of the spacing."""
     if options.families == "both":
-        return None  # with two families, see `largest_filling`
+        return None  # with two families, `largest_filling` finds plates
     touch = pattern.half_width(options.families) >= SOLID
     layers = map(Layer, pattern.names, pattern.fields, pattern.levels, pattern.half_widths)
     kept_layers = [layer for layer in layers if layer.name not in FAMILIES]

@@ -145,7 +145,7 @@ def chosen_method(
 
 
 def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: ChosenMethod) -> PatternResult:
-    """Return the stripes by the chosen method. Time for stripes that a search has drawn counts in the row `method`."""
+    """Return the stripes by the chosen method. If a search has drawn them, their time is in the row `method`."""
     candidate, before = chosen.way, len(log.notes)
     log.seconds.setdefault("pattern", 0.0)
     pattern = candidate.drawn or pattern_step(

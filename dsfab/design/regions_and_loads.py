@@ -41,7 +41,7 @@ IMAGE_DIFFERENCE = 0.3
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     """Return the surface with cuts along the outlines of the preset's regions; voids are cut out.
-    Raises SurfaceError for a region outside of the surface, for a support or a load inside voids, and for voids that
+    Raises SurfaceError if a region is outside of the surface, if a support or a load is inside voids, or if voids
     separate a piece of the surface from the supports."""
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
@@ -258,7 +258,7 @@ def nearest_faces(surface: Surface, marked: Bools) -> Ints:
 
 
 def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
-    """Return neighbouring faces (k,), (k,), and the distances (k,), m, of their centres over the edge's middle."""
+    """Return neighbouring faces (k,), (k,), and the distances (k,), m, of their centres through the edge's middle."""
     edges = surface.edges
     face, edge = edges.order // 3, edges.of.ravel()[edges.order]
     pairs = np.flatnonzero(edge[1:] == edge[:-1])

@@ -118,8 +118,8 @@ def corrected_pattern(
     draw_pattern  : function that draws stripes, for the share that finishing will add, and a guess of the width factor.
     nearest_share : function that returns the measured share of the latest stripes that is nearest to a target.
     added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
-    bridged_share : function that returns the share of added bridges. It is slow and mostly returns 0, so it runs once
-                    after a search without bridges, and in later trials only if it did not return 0.
+    bridged_share : function that returns the share of added bridges. It is slow, and mostly 0. So it runs once after a
+                    search without bridges, and in later trials only if it was not 0.
 
     Stripes get the requested share minus the added one, which depends little on widths. But it jumps if openings close;
     then the search takes middle values between a smaller and a larger total."""
@@ -145,7 +145,7 @@ def corrected_pattern(
         latest = trials[-1] = latest._replace(added=latest.added + bridges, total=latest.total + bridges)
         trials[:-1] = []  # earlier trials have no bridges
         latest = converge(latest)
-    for k in range(8):  # first with the smallest tolerance; from the fourth round on with that of the preset
+    for k in range(8):  # from the fourth round on, the error may be as large as the preset allows
         accepted = max(tolerance, UNREPORTED) if k >= 3 else UNREPORTED
         if min(abs(trial.total - requested) for trial in trials) <= accepted or not (
             middle := _middle_target(trials, requested)

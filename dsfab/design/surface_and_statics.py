@@ -285,7 +285,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
 
 
 def checked_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
-    """Check the size, and the points of supports and loads; then return `solved_sheet`. Raises SurfaceError."""
+    """Return `solved_sheet`, after checks of sizes and points. Raises SurfaceError if the thickness cannot be right."""
     check_scale(preset, surface, log)
     for text in off_surface(preset, surface):
         log.note("statics", text)

@@ -62,7 +62,7 @@ class Statics(Section):
     """[statics]: the sheet's material, thickness and elements."""
 
     thickness: Annotated[float, Gt(0), WrapValidator(thickness_or_auto), PlainSerializer(auto_or_metres)]
-    """Thickness of the sheet and of the solid, metres. auto: the least thickness that meets the targets of [sizing]."""
+    """Thickness of the sheet and of the solid, metres. auto: the thinnest that meets the targets of [sizing]."""
     material: Annotated[str | None, AfterValidator(known_name)] = None
     """S235, GL24h, ... (see `dsfab materials`): gives default values of young, poisson, density and strength."""
     young: Annotated[float, Gt(0), AfterValidator(modulus)] = 210e9
@@ -87,8 +87,8 @@ class Statics(Section):
     buckling: Annotated[int, Ge(0), Le(10)] = 0
     """Number of buckling factors of the uncut sheet to compute."""
     check: bool = True
-    """Refuse a sheet that moves by over a tenth of its span, stands on one vertex, or has a support or load at a point
-    far from the surface. false: only report this."""
+    """Refuse a sheet that moves by over a tenth of its span or stands on one vertex, and a support or load far from the
+    surface. false: only report this."""
 
     _named = model_validator(mode="before")(with_material)
 
@@ -153,7 +153,7 @@ class Diffusion(Section):
     labelling: Labelling = "signed"
     """Stress that major stripes follow. signed: the more tensile one; magnitude: the larger one (the paper)."""
     isotropy: Annotated[float, Ge(0), Lt(1)] = ISOTROPY
-    """A face is isotropic if its principal stresses differ by at most this part of their root mean square."""
+    """A face is isotropic if its principal stresses differ by at most this fraction of their root mean square."""
     modes: Annotated[int, Ge(1), Le(50)] = 5
     """Number of eigenmodes for each family."""
     follow: str | None = None
@@ -264,11 +264,11 @@ class Width(Section):
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Least gap between two stripes of a family, metres; narrower gaps become material. 0: no limit."""
+    """Smallest gap between two stripes of a family, metres; narrower gaps become material. 0: no limit."""
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
     """Share of the surface that stays material, with keep and rim; dsfab scales the widths to it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
-    """Largest error of solid_fraction if the share jumps because ends of members appear or vanish. A note states it."""
+    """Largest error of solid_fraction if the share jumps because ends of members appear or vanish; a note states it."""
 
     @model_validator(mode="after")
     def _check_widths(self) -> "Width":
@@ -321,7 +321,7 @@ class Pattern(Section):
     """For stripes. auto: the pattern has the symmetry of surface, supports and loads. none: it need not have it."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
     """For stripes: angle (degrees) from the stress to both families, counter-clockwise as seen from the side of the
-    normals (from outside for a closed surface); 90 exchanges the families."""
+    normals, or from outside of a closed surface. 90 exchanges the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """For stripes: forces that give directions and graded widths. uncut: forces in the uncut sheet. optimal: forces in
     the stiffest sheet of varying thickness with as much material (solid_fraction), for stiffer flat designs."""
@@ -431,20 +431,20 @@ class Slicing(Section):
     """[slicing]: cut of the surface along the stripes into a sheet with openings."""
 
     snap: Annotated[float, Ge(0), Le(0.3)] = 0.05
-    """A cut nearer to a vertex than this part of an edge goes through the vertex, which avoids thin triangles."""
+    """A cut nearer to a vertex than this fraction of an edge goes through the vertex, to avoid thin triangles."""
     pinch: Literal["join", "split"] = "join"
     """Treatment of places where material would only touch at a point. join: add a small disc. split: separate it."""
     min_opening: Annotated[float, Ge(0)] | None = None
     """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default on modes: 0.
-    Default between evenly spaced stripes: 15 % of their spacing, for tidied
-    stripes at most the thickness; then openings under 35 % of the usual size are filled, too."""
+    Default between evenly spaced stripes: 15 % of their spacing, for tidied stripes at most the thickness; then
+    openings under 35 % of the usual size are filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Smallest width of openings with pattern.workshop, metres. Narrower openings are bridged, and narrower tips
     filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
     """Smallest width of members, metres; narrower ones are widened. 0: no limit. With pattern.workshop the limit is for
     all members; its default is half of the thickness, or the limit of [pattern.width] if that is less. Without, it is
-    for tidied stripes between openings with round corners that are narrower than 0.8 times the usual width."""
+    for members narrower than 0.8 times the usual width, between openings with round corners, if stripes are tidied."""
     improve: bool = False
     """Improve the triangles of the cut mesh by flipping and removing edges, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -474,10 +474,10 @@ class Fabrication(Section):
     min_gap: Annotated[float, Ge(0)] = 0.0
     """Smallest width of openings (with pattern.workshop also of their tips), metres. 0: no other check."""
     min_wall: Annotated[float, Ge(0)] = 0.0
-    """Least thickness of walls of the solid, metres. 0: no check."""
+    """Smallest thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
-    """Write files although the design has faults: loads without a path to a support, a solid that had to become very
-    thin where it would meet itself, or members and openings under 1 mm and under their limit."""
+    """Write files although the design has faults: loads without a path to a support; very thin places where the solid
+    would meet itself; or members and openings under 1 mm and under their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
     """Size of the machine along x, y, z, metres; the solid may be turned onto any side."""
 

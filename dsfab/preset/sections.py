@@ -59,8 +59,8 @@ class Workshop(Section):
     grain: bool = False
     """True if the sheets have a grain along their length; then members lie along it, never across."""
     nesting: Literal["stacked", "spyrrow"] = "stacked"
-    """stacked: parts are stacked on sheets. spyrrow: a solver then tries to clear the emptiest sheet. It takes
-    minutes and needs: pip install "dsfab[nesting]"."""
+    """stacked: parts are stacked on sheets. spyrrow: a solver then tries to clear the emptiest sheet. It takes minutes
+    and needs: pip install "dsfab[nesting]"."""
     model: Annotated[float, Ge(0)] = 0.0
     """Scale of a card model: 50 means 1:50; all lengths of this section are lengths of the model. 0: full size."""
     alike: Annotated[float, Ge(0), Le(0.05)] = 0.0

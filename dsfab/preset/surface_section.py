@@ -119,8 +119,8 @@ class OwnSurface(SurfaceSection):
     finest: Annotated[float, Ge(0)] = 0.0
     """Smallest edge length, metres, at the places of `finest_at`; needs `edge`. 0: all edges have equal lengths."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
-    """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress
-    changes if it varies along an edge by a quarter of its root mean square, in a solve on equal triangles."""
+    """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress changes if it
+    varies along an edge by a quarter of its root mean square, in a solve on equal triangles."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -165,8 +165,9 @@ class FileSurface(OwnSurface):
     """Repair small faults: join vertices that nearly touch, remove tiny pieces and faces without area, close tiny
     holes, straighten uneven edges."""
     repair: bool = False
-    """Repair a raw scan: as `mend`, and split edges with more than two faces, remove pieces smaller than a twentieth of
-    the largest, fill holes with an outline under 15 % of the largest side, and give all normals the same side."""
+    """Repair a raw scan: as `mend`; also split edges with more than two faces, and give all normals the same side.
+    Small pieces (under a twentieth of the largest) are removed, and holes (outline under 15 % of the largest side)
+    filled."""
     max_triangles: Annotated[int, Ge(1)] | None = None
     """Largest number of triangles in the file; also limits its bytes, vertices and reading time. Default: 4 million."""
 

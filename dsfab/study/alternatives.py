@@ -192,7 +192,7 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return a design's alternatives, which it stores, each compared by the fastest solve that shows which is stiffer.
+    """Return a design's alternatives, each compared by the fastest solve that shows which of the two is stiffer.
     Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
@@ -212,7 +212,7 @@ def alternatives(
 
 
 class _BoundedCompliance(NamedTuple):
-    """A compliance (J) with its relative error bound; if the structure fails, infinite, with a reason `error`."""
+    """A compliance (J) with its relative error bound. A structure that fails has an infinite one, and an `error`."""
 
     compliance: float
     bound: float
@@ -221,7 +221,7 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare a structure with a thinner sheet. Each is solved once; the structure with the fast elements of a search.
+    """Compare a structure with a thinner sheet. Both are solved once; the structure with the fast elements of a search.
     If the error bounds do not show which is stiffer, more accurate elements solve the structure again. A thinner sheet
     that bends then gets a full check, because its mesh is coarser than that of the cut sheet."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)

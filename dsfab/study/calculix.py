@@ -19,7 +19,7 @@ from dsfab.surface import LoadCase, Surface
 
 CCX = "ccx"  # CalculiX's solver program
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
-Projection = Callable[[Floats], tuple[Floats, Floats]]  # (k, 3) -> places on the middle surface, normals
+Projection = Callable[[Floats], tuple[Floats, Floats]]  # points -> points on the surface, unit normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Wedges:
 
 
 def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges:
-    """Return the solid of a thickness around the middle surface, half of it below and half above."""
+    """Return the solid with a thickness (m), half of it below and half above the middle surface."""
     edges, F = surface.edges, surface.F
     n, e = surface.n, len(edges.ends)
     corner, normal = projection(surface.V)
@@ -105,7 +105,7 @@ THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # how a force at a vertex splits: node
 class WedgeModel:
     """A solid with its supports and forces.
     solid    : nodes (p, 3), metres, and elements.    fixed : (q, 2) held nodes, each with a held direction (0 to 2).
-    opposite : (r, 3) two nodes and a direction; they move by opposite amounts, so the sheet can rotate.
+    opposite : (r, 3) two nodes and a direction in which they move by opposite amounts, so that the sheet can rotate.
     force    : (p, 3) newtons."""
 
     solid: Wedges

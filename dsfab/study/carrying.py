@@ -49,8 +49,8 @@ BUCKLED_CASES = 3
 """Number of cases and combinations for which buckling is computed: those with the largest compression. A standard gives
 up to 40 combinations, and each buckling analysis takes as long as a solve."""
 NARROW_RIB = 3.0
-"""Ratio of mean rib width to thickness. Below it, a solid bar has less than 0.8 of the torsional stiffness of a strip
-of shell (`torsion_share`). A wall with ratio 2.2 moved by 11 % more as a solid in CalculiX than as a shell."""
+"""Ratio of mean rib width to thickness. Below it, a solid bar has less than 0.8 times the torsional stiffness of a
+strip of shell (`torsion_share`). A wall with ratio 2.2 moved by 11 % more as a solid in CalculiX than as a shell."""
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def _factors(design: Design) -> dict[str, Mapping[str, float]]:
 def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
     """Return the verdict on a solved cut sheet, only with its mass, largest movement and largest utilisation.
     use : False to leave out the utilisation, which takes longest.
-    The utilisation is by Eurocode. For other materials, or without bays, it is the stress over the strength; the stress
+    The utilisation is by Eurocode. For other materials, or without bays, it is stress divided by strength; the stress
     is the von Mises stress that 99 % of the area does not exceed."""
     moved, mass = _movement(statics), _mass(statics.design, statics.thickness)
     if not statics.preset.statics.strength:

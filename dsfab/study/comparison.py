@@ -105,7 +105,7 @@ def comparison(
     """Compare the compliance of the design's cut sheet with competitors of the same mass.
     against : names of `BASELINES`.     judge : judge of the design and the full sheet.
     rival_judge : judge of the competitors, default `judge`; of several variants it judges the best one by `quick`.
-    refuse  : whether a design that does not carry its loads raises an error. If False, the comparison holds the error,
+    refuse  : True to raise an error if the design does not carry its loads. If False, the comparison holds the error,
               and a design that cannot be cut has no competitors.
     Raises StaticsError if the design does not carry its loads, for instance a concentrated load on a loose piece.
     Raises DsfabError for unknown names."""

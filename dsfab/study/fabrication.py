@@ -24,7 +24,7 @@ from dsfab.thickening.wall_thickness import Wall, thinnest_wall
 @dataclass(frozen=True, eq=False)
 class Check:
     """A limit and its measured value, metres (three lengths each for `bed`).
-    name  : key of [fabrication].    value, place, what : measured value and its place; empty without such a feature.
+    name  : key of [fabrication].    value, place, what : measured value, its place and its name; else empty.
     asked : True if the preset sets the limit; False if `least_widths` gives it."""
 
     name: str
@@ -157,7 +157,7 @@ def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
     return [int(k) for k in np.unique(label[is_touched[design.sheet.surface.F].any(axis=1)])]
 
 
-ATTEMPTS = 8  # most changes of a design, because each change takes a whole run
+ATTEMPTS = 8  # largest number of changes of a design; each takes a whole run
 MARGIN = 1.02  # requested width divided by the limit: slicing may narrow it slightly
 COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor by which frequencies are lowered at a time
 
@@ -173,8 +173,8 @@ class FixedDesign:
 
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
     """Return the design, changed until no check of its [fabrication] fails.
-    Members that are too narrow raise pattern.width.min_width, or the width of the rim or of the kept region. Gaps that
-    are too small raise pattern.width.min_gap, then slicing.min_opening. Later changes also lower the frequencies.
+    For wider members, pattern.width.min_width is raised, or the width of the rim or of the kept region. For wider gaps,
+    pattern.width.min_gap is raised, then slicing.min_opening. Later changes also lower the frequencies.
     Stages that do not change are not computed again. Raises PatternError if only the thickness or the machine could
     meet a limit, or if `ATTEMPTS` changes do not suffice."""
     original, measured = design.preset, fabrication(design)

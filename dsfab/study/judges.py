@@ -71,7 +71,7 @@ class Judgement:
     verdict    : `pass` if the bound is small enough; `reason` explains it.
     cases      : response to each load by its name, by one solve on the unrefined mesh.
     check      : the verdict on several meshes; None for one mesh.
-    theory     : part by which a solid may be softer than the shell, see `dsfab.study.verdict`; None for one mesh."""
+    theory     : fraction by which a solid may be softer than the shell, see `theory_share`; None for one mesh."""
 
     compliance: float
     cases: Mapping[str, CaseResponse]

@@ -19,9 +19,9 @@ from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_loads, use_
 from dsfab.study.fabrication import spacing_changes
 
 REACH, REACH_UP = 3.0, 6.0
-"""Tried thicknesses are between the first guess / 3 and 6 times the guess. In this range, solves at two thicknesses
-give the results for all others. The guess follows only from the span: a footbridge of 28 m with people on it needs over
-3 times the guess."""
+"""Tried thicknesses lie between a third of the first guess and six times the guess. In this range, solves at two
+thicknesses give the results for all others. The guess follows only from the span: a footbridge of 28 m with people on
+it needs over 3 times the guess."""
 OWN_CUTS = 2  # Largest number of designs that are cut again for their own thickness.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
 MORE, MOST = 1.3, 0.75  # Factor on the material if no thickness suffices, and its largest share of the surface.
@@ -78,7 +78,7 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield a table of the trials, then remarks.
-        every : True for all; else the chosen thickness and, if one pattern was tried, the next thinner one."""
+        every : True for all; else the chosen thickness and, if only one pattern was tried, the next thinner one."""
         thickness, stock = self.trials[-1].thickness, sorted({trial.thickness for trial in self.trials})
         k = stock.index(thickness)
         shown = stock[max(0, k - 1) : k + 1] if len(self.trials) <= len(stock) + OWN_CUTS else [thickness]

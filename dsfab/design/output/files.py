@@ -97,7 +97,7 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
     """Return faces (m,) whose normal must be reversed for the shortest seam; None if no seam gives a two-sided piece.
-    The seam runs from boundary to boundary. It crosses an odd number of times each loop that ends on the other side.
+    The seam runs from boundary to boundary. It crosses a path that returns on the other side an odd number of times.
     counts : (m,) cost of a metre of seam beside each face."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
@@ -193,7 +193,7 @@ def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: A
 
 
 def to_build123d(thing: Design | Solid) -> "build123d.Shape":
-    """Return a solid, or that of a design, as a build123d shape, millimetres, by way of a STEP file.
+    """Return a solid, or the solid of a design, as a build123d shape, millimetres.
     Raises ExportError as `write`."""
     import build123d
 

@@ -37,7 +37,7 @@ LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}
 """Usual load by kind, Pa: snow, services, people, wind."""
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
-EDGE = 0.5  # Part of the score that a reading loses if all edges are supported.
+EDGE = 0.5  # Fraction of the score that a reading loses if all edges are supported.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that name no unit.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of the logarithm.
 LEAST, DOUBT = 0.02, 0.25  # Readings with a score below `LEAST` are not plausible, those below `DOUBT` are doubtful.
@@ -84,7 +84,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
         return JudgedReading(reading, 0.0, up)
     span = 2 * float(np.max(cKDTree(surface.V[supported]).query(surface.V)[0]))
     if reading.kind in ("roof", "hung"):
-        span = min(span, 2 * shape.width)  # the limit does not grow with very long spans
+        span = min(span, 2 * shape.width)  # a very long span does not allow more movement
     moved = float(np.quantile(lengths(answer.u), 0.99))
     stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
     used = max(moved / (LIMIT * span), stress / STRENGTH)

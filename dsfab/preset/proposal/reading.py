@@ -38,7 +38,7 @@ Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf")
 """Suffixes of files in which z is the vertical axis, by their format or program; glTF files are rotated when read."""
 MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files in which z mostly is the vertical axis.
 Y_UP = 0.7  # Factor on scores if y is the vertical axis, which few programs use (Blender, web tools).
-GROUND = 1e-3  # A depth below the ground up to this part of the size counts as zero.
+GROUND = 1e-3  # A depth below the ground up to this fraction of the size counts as zero.
 
 
 def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) -> dict[Up, float]:

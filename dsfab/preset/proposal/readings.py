@@ -18,10 +18,10 @@ SAG = 0.15  # Smallest sag of a hanging roof between two high sides, divided by 
 WALLS = 0.8  # Smallest `_edge_form` of an outer edge on walls, if there are also columns.
 APART = 12.0  # Largest distance between posts along a strip, metres.
 FRAGMENT = 0.1  # Supports below this share of the largest one come from the mesh, and are left out.
-LOWEST_SILL = 0.005  # Inner edges of a wall are windows if they begin above this part of its height.
+LOWEST_SILL = 0.005  # Inner edges of a wall are windows if they begin above this fraction of its height.
 BAY = 7.5  # Usual distance between the columns of a grid, metres.
 MOST = 200  # Largest number of columns, and of posts along a side; with more, the unit is probably wrong.
-SOLE = 0.03  # A closed surface stands on its vertices below this part of its height.
+SOLE = 0.03  # A closed surface stands on its vertices below this fraction of its height.
 Kind = Literal["roof", "hung", "floor", "wall", "object"]
 
 

@@ -18,7 +18,7 @@ STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
 """If the span divided by the shorter side of the plan exceeds this ratio, the span governs the thickness. A square roof
 on its corners has a ratio of 1.41."""
-THICKEST = 1 / 5  # Largest thickness for a long span, divided by the spacing; about as large as a member is wide.
+THICKEST = 1 / 5  # Largest thickness for a long span, divided by the spacing; members are about as wide.
 MODEL = 3.0  # Smaller surfaces, in metres, count as printed models.
 
 
@@ -52,7 +52,7 @@ class Sizes:
 
         The span is twice the distance in plan from the feet to the farthest vertex. If the span of a roof is far
         smaller than the shorter side, as around a courtyard, all sizes follow from the span. If it is far larger, the
-        spacing is larger, and the thickness is 1.1 times that for the geometric mean of span and side, because clamped
+        spacing is larger. The thickness is then 1.1 times that for the geometric mean of span and side, because clamped
         ends bend most.
 
         Buckling factors of uncut steel sheets: for a footbridge of 3 m x 30 m, 1.6 with 15 mm (usual for 3 m), 8.5 with

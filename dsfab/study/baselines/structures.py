@@ -333,7 +333,7 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return the two unit axes (2, 3) along which the surface is longest; supports and loads decide between equals."""
+    """Return the two unit axes (2, 3) along which the surface is longest; supports and loads decide for equal axes."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()

@@ -117,10 +117,10 @@ def densities(
     weights: Mapping[str, float] | None = None,
     options: Simp | None = None,
 ) -> Densities:
-    """Return the densities of faces that give the least compliance, with a sum of density times face area of `area`
-    (m2). Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density
-    scales membrane and bending stiffness equally. Sensitivities are filtered, and densities follow optimality criteria
-    as in top88 [Andreassen et al. 2011].
+    """Return the densities of faces that give the smallest compliance; their sum, times face areas, is `area` (m2).
+    Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales
+    membrane and bending stiffness equally. Sensitivities are filtered, and densities follow optimality criteria as in
+    top88 [Andreassen et al. 2011].
     solid   : (m,) mask of faces that stay material.     weights : weight of each load's compliance, default 1.
     Raises StaticsError if the sheet is not supported, or if `area` is less than the area of the solid faces."""
     options, surface = options or Simp(), sheet.surface

@@ -144,7 +144,7 @@ class SolidModel:
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
         """Return the tetrahedron (k,) that contains each point, and the point's coordinates (3, k) in it.
-        A point outside of the solid gets the tetrahedron, of the 40 nearest, that it is least outside of."""
+        A point outside of the solid gets the best of the 40 nearest tetrahedra."""
         candidates = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
         P = self.mesh.X[self.mesh.T[candidates]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
@@ -192,8 +192,8 @@ class Holding:
 
 
 def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -> Floats:
-    """Return the compliances f . u (c,), joules, under c force vectors f (N,). Raises StaticsError if the
-    supports do not hold the model."""
+    """Return the compliances f . u (c,), joules, under c force vectors f (N,). Raises StaticsError if the supports do
+    not hold the model."""
     K = csr_array(model.K + holding.rows.T @ (diags_array(holding.stiffness) @ holding.rows))
     scale = 1 / np.sqrt(K.diagonal())
     inner = csr_array(diags_array(scale) @ K @ diags_array(scale))

@@ -95,7 +95,7 @@ def without_fillets(design: Design, edge: float | None, progress: Progress) -> D
     """Return the design without fillets in the corners of openings. In a dome, fillets had half of the triangles, but
     changed linear buckling by only 0.4 %.
     edge : edge length (m) of the surface, if that of the design is smaller; 0 returns the design itself. A mesh from a
-           file keeps its edges if the preset does.
+           file does not change if the preset has no edge length.
     Raises StaticsError for an edge that is negative or longer than the surface."""
     if edge is not None and not 0 <= edge < design.surface.size:
         raise StaticsError(
@@ -151,8 +151,8 @@ def softest_range(path: LoadPath) -> tuple[float, float] | None:
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:
     """Return the number of the last step that the structure bears, and True if it fails in the next step.
-    A step is a failure if its displacement per load is over 100 times that of the first step. It is also a failure if
-    this is over `JUMP` times that of the previous and over `CANDIDATE` times that of the first step (a snap). A path
+    A step is a failure if its displacement per load is over 100 times that of the first step. It is a snap, and also a
+    failure, if this is over `JUMP` times that of the previous and over `CANDIDATE` times that of the first step. A path
     that ends early is a failure, too, unless the time limit ended it."""
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
@@ -164,8 +164,8 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 def last_point(path: LoadPath) -> int | None:
     """Return the point at which a path may stop: the end of a snap, or a point after which CalculiX would only halve
-    the next step again and again; else None. The second has over twice the displacement per load of the first step, and
-    an increment of less than 2.5 % of the load has failed."""
+    the next step again and again; else None. At the second, the displacement per load is over twice that of the first
+    step, and an increment of less than 2.5 % of the load has failed."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:

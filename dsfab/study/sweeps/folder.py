@@ -190,7 +190,7 @@ class SweepFolder:
         report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Carry out waiting and interrupted runs, and runs in the states `retry`; those with dead workers come last."""
+        """Carry out waiting and interrupted runs, and runs in states `retry`; those that killed workers come last."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:

@@ -52,7 +52,7 @@ def verdict(design: Design) -> Verdict:
 
 
 Metric = Callable[[Design], float]
-NARROWEST = 0.1  # share of the area, the narrowest parts, that `min_width` leaves out
+NARROWEST = 0.1  # `min_width` leaves out this share of the area, the narrowest stripes
 
 
 def _loose(design: Design) -> float:

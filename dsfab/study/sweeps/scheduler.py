@@ -11,7 +11,7 @@ from dsfab.study.sweeps.runs import Store
 from dsfab.study.sweeps.workers import Changes, Outcome, Workers
 from dsfab.study.variations import stage_order
 
-TRIES = 2  # if so many workers die in a run, it is recorded as killed; the next session makes it alone
+TRIES = 2  # after so many dead workers, a run is recorded as killed; the next session makes it alone
 PATIENCE = 600.0  # seconds without workers after which the scheduler stops
 Deliver = Callable[[Outcome, Changes], list[str]]  # writes the files of a run and returns their names
 

@@ -211,8 +211,8 @@ KINDS: dict[str, Kind] = {
     ),
     "ring": Kind("bob", {"surface.edge": 0.1, "statics.thickness": 0.03, "pattern.keep": 0.08}, (3.0, 6.0)),
 }
-"""Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface with one
-handle. The snap value of `sphere` is that of the shipped table."""
+"""Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface with one handle. The snap value
+of `sphere` is that of the shipped table."""
 
 
 def random_design(kind: str, seed: int) -> Design:

@@ -33,7 +33,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
     With three meshes, the value is the mean of two extrapolations: with `EXTRAPOLATION_DIVISOR`, and with the ratio of
     the two differences between meshes. On the ten designs with a fourth mesh, neither of them alone is better."""
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest that hold for calibration.csv
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest that suffice for calibration.csv
     if len(values) < 2:
         # in 19 of 20 designs the error is below 1.7 times the recovery error
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
@@ -57,7 +57,7 @@ WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for
 STEP_RATIOS = (1.5, 4.0)
 """Smallest and largest ratio of successive differences between meshes, for an extrapolation. With each mesh, the error
 of an eigenvalue falls to 1 / 2.1 at reentrant corners, and to 1 / 16 on smooth sheets. Below the smallest ratio, the
-differences count as not decreasing."""
+differences do not decrease."""
 
 
 @dataclass(frozen=True)

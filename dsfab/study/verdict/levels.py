@@ -62,8 +62,8 @@ def on_mesh(
     uncut_loads : supports and loads on the uncut surface.    forces : `shares` of these loads.
 
     The force of a vertex spreads over the material around it, in proportion to the linear shape function of the uncut
-    mesh. So a load has the same place and size on every mesh, and there are no point forces, under which a sheet in its
-    plane would move infinitely far. A load on a face spreads evenly over the face's material."""
+    mesh. So a load has the same place and size on every mesh, and is no point force: under that, a sheet in its plane
+    would move infinitely far. A load on a face spreads evenly over the face's material."""
     F, areas = sheet.surface.F, sheet.surface.areas
     hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum of the corners
     mass = np.asarray(hats.T @ areas)
@@ -83,8 +83,8 @@ PARABOLIC_SHEAR = 6 / 5  # energy factor of a parabola of shear stress over the 
 
 class RibSoftening(NamedTuple):
     """Effects that make a solid softer than a thin sheet, each as compliance divided by that of the thin sheet.
-    torsion : additional compliance if ribs twist as bars of their own width and thickness (`solve_cases`); inf if
-              this second solve fails.
+    torsion : additional compliance if ribs twist as bars of their own width and thickness (`solve_cases`); inf if this
+              second solve fails.
     shear   : transverse shear, 6 q^2 / (5 G h) per square metre. The shear force q is averaged over faces within half a
               thickness, because a solid spreads the shear force at a narrow place.
     bending : bending, times the square root of thickness / mean rib width."""
@@ -138,8 +138,8 @@ def theory_share(soft: RibSoftening) -> float:
     """Return the largest expected value of the solid's compliance divided by that of the thin sheet, minus 1.
 
     The factors are large enough for all solids that CalculiX solved as quadratic wedges: 39 random designs, and 31 on
-    other surfaces (`solids.csv`; 8 of these, seed 3, came after the formula). All were softer than thin sheets. Torsion
-    and shear follow from mechanics; the bending term is for joints of ribs and thick shells."""
+    other surfaces (`solids.csv`). Of these, 8 with seed 3 came after the formula. All were softer than thin sheets.
+    Torsion and shear follow from mechanics; the bending term is for joints of ribs and thick shells."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 

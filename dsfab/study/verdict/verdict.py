@@ -101,11 +101,11 @@ class CaseVerdict:
     """The verdict on one load case or combination.
     value  : compliance, J; nan without a solution.
     bound  : largest error of the value, divided by the value; inf if unknown.
-    status : pass: the sheet carries the loads, and the bound is at most `CONVERGED`. fail: the sheet does not carry
-             the loads. unknown: the bound is larger.
+    status : pass: the sheet carries the loads, and the bound is at most `CONVERGED`. fail: the sheet does not carry the
+             loads. unknown: the bound is larger.
     spread : compliance by quadratic + midedge divided by that by quadratic + hhj, minus 1, on the first mesh.
     zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
-    theory : part by which a solid may be softer than this thin sheet, see `theory_share`."""
+    theory : fraction by which a solid may be softer than this thin sheet, see `theory_share`."""
 
     name: str
     value: float
@@ -153,7 +153,7 @@ class Verdict:
 
     @property
     def theory(self) -> float:
-        """Part by which a solid may be softer than the thin sheet in the governing case."""
+        """Fraction by which a solid may be softer than the thin sheet in the governing case."""
         return self.cases[0].theory
 
     @property
