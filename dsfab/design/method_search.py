@@ -293,8 +293,8 @@ members one triangle wide. On a bracket, modes were 3 % worse than stripes in th
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
     """Return the best candidate for the pattern method, and all attempts, best first.
     The best has the fewest dead ends; of these the fewest slits; of these the smallest compliance times material. See
-    `Attempt.rank`. Accurate elements decide between nearly equal ones. Raises PatternError if none carries
-    its loads."""
+    `Attempt.rank`. Accurate elements decide between nearly equal ones. Raises PatternError if none carries its
+    loads."""
     candidates: list[MethodCandidate] = []
     for method, halve in methods(preset):
         with log.row("method"):

@@ -1,4 +1,4 @@
-"""Topology optimisation (SIMP) on a triangle mesh, which gives each face a density, and the competitor made from it."""
+"""Topology optimisation (SIMP), which gives each face of a triangle mesh a density; a competitor made from this."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -39,7 +39,7 @@ def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> 
 class Simp:
     """Options of SIMP.
     radius       : of the filter, metres; members become about as wide. 0: see `filter_radius`.
-    iterations   : most iterations for each penalisation; fewer if no density changes by more than `change`.
+    iterations   : largest number for each penalisation; fewer if no density changes by more than `change`.
     penalisation : final p. A face of density x has the stiffness void + x^p (1 - void) [Bendsoe, Sigmund 1999].
     steps        : number of steps in which p rises from 1; 0: p is constant. At p = 1 the problem has one solution, so
                    the result depends little on mesh and start [Petersson and Sigmund 1998].
@@ -117,7 +117,7 @@ def densities(
     weights: Mapping[str, float] | None = None,
     options: Simp | None = None,
 ) -> Densities:
-    """Return the densities of faces that give the smallest compliance; their sum, times face areas, is `area` (m2).
+    """Return the densities of faces that give the smallest compliance; the sum of density times face area is `area`.
     Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales
     membrane and bending stiffness equally. Sensitivities are filtered, and densities follow optimality criteria as in
     top88 [Andreassen et al. 2011].
@@ -163,7 +163,7 @@ def simp(task: ComparisonTask) -> list[Variant]:
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
     """Return the task without the preset's rim, and with discs of the filter's radius around loads and supports.
-    The rim would take most of the material: with rims, L-brackets with 30 % of the material were 3.2 and 5.0 times as
+    The rim would take most of the material: an L-bracket with a rim and 30 % of the material was 3.2 to 5.0 times as
     soft as the whole plate."""
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))

@@ -28,7 +28,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
     """Return the compliance and its bound, extrapolated from compliances `values` on finer and finer meshes. Each mesh
     has four times the triangles of the previous one; the elements are quadratic + hhj.
     spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. Each refinement
-               halves it, about; a second solve on finer meshes would take too long.
+               about halves it; measuring it on finer meshes would take too long.
     recovery : recovery error of the finest mesh, see `Level.zz_membrane`.
 
     With three meshes, the value is the mean of two extrapolations: with `EXTRAPOLATION_DIVISOR`, and with the ratio of
@@ -57,7 +57,7 @@ WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for
 STEP_RATIOS = (1.5, 4.0)
 """Smallest and largest ratio of successive differences between meshes, for an extrapolation. With each mesh, the error
 of an eigenvalue falls to 1 / 2.1 at reentrant corners, and to 1 / 16 on smooth sheets. Below the smallest ratio, the
-differences do not decrease."""
+differences count as not decreasing."""
 
 
 @dataclass(frozen=True)
