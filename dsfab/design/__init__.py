@@ -14,4 +14,4 @@ __all__ = [
 ]  # fmt: skip
 
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening")
-"""Rows of the timing table: those of the paper's Table 2, followed by further stages."""
+"""Rows of the table of computing times: those of the paper's Table 2, then further stages."""

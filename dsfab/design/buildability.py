@@ -1,4 +1,4 @@
-"""Objections to a design, found by its statics before the surface is cut."""
+"""Objections to a design that its statics show before the surface is cut."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -45,18 +45,18 @@ def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]
 
 
 def require_buildable(preset: Preset, statics: StaticsResult) -> None:
-    """Raise StaticsError with the most serious objection to a sheet, unless `statics.check` is false."""
+    """Raise StaticsError with the most serious objection to a sheet, except if `statics.check` is false."""
     if why := refusal(preset, statics):
         raise StaticsError(why)
 
 
 def refusal(preset: Preset, statics: StaticsResult) -> str:
-    """Return the most serious objection to a sheet; '' without objections, and if `statics.check` is false."""
+    """Return the most serious objection to a sheet; '' if there is none, or if `statics.check` is false."""
     return f"{statics.objections[0]} {NEVERTHELESS}" if preset.statics.check and statics.objections else ""
 
 
 def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
-    """Return a sentence for each support or load at a point too far from the nearest vertex.
+    """Return a sentence for each support or load at a point that is too far from the nearest vertex.
     Raises SurfaceError with the first sentence, unless `statics.check` is false."""
     section, messages, surface = preset.surface, [], whole_surface(preset, surface)
     names = [*support_names(section.support), *load_names(section.load)]
@@ -103,7 +103,7 @@ def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseRes
 
 
 def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
-    """Yield an objection to a loaded support with few vertices, because the stress there depends on the mesh."""
+    """Yield an objection to each support that takes load at few vertices: the stress there depends on the mesh."""
     for entry in entries:
         share = max(entry.share.values(), default=0.0)
         if entry.vertices < FEW_VERTICES and share > SOME_REACTION:
@@ -116,7 +116,7 @@ def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
 
 
 def _past_faces(acting: Acting, surface: Surface, weight: float) -> Iterator[Objection]:
-    """Yield an objection to snow or wind that is almost parallel to all loaded faces, for example snow on a wall."""
+    """Yield an objection to snow or wind that is almost parallel to all of its faces, for example snow on a wall."""
     climate = [load for load in acting.load if isinstance(load, Snow | Wind)]
     for load, entry in zip(climate, load_entries(surface, climate, weight), strict=True):
         if entry.total < LEAST_LOAD_SHARE * load.pressure * entry.area:

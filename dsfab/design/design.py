@@ -60,10 +60,10 @@ class StageResults:
     """The results of one design by name, each computed once.
 
     results : results of the stages. A revision shares those of the stages before its first changed section.
-    derived : values computed from the results up to a stage, each with the name of this stage. A revision shares these
-              values like results. A pickled design omits them.
+    derived : values computed from results, each with the name of the last stage that it depends on. A revision shares
+              them like results. A pickled design does not contain them.
     inputs  : large intermediate values, each with the name of the stage that needs it. They are deleted when this stage
-              has its result; revisions and pickled designs omit them."""
+              has its result; revisions and pickled designs do not contain them."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)
@@ -91,7 +91,7 @@ class StageResults:
         return _computed_once(self.derived, stage, name, compute)
 
     def input_of(self, stage: str, name: str, compute: Callable[[], T]) -> T:
-        """Return an input of `stage`, computed on first access and kept until the stage has its result."""
+        """Return an intermediate value, computed on first access and kept until `stage` has its result."""
         return _computed_once(self.inputs, stage, name, compute)
 
     def existing_value(self, name: str) -> Any:
@@ -99,7 +99,7 @@ class StageResults:
         return self.derived.get(name, ("", None))[1]
 
     def existing_input(self, name: str) -> Any:
-        """Return an input if it exists, else None."""
+        """Return an intermediate value if it exists, else None."""
         return self.inputs.get(name, ("", None))[1]
 
     def of_stages(self, stages: Sequence[str]) -> "StageResults":
@@ -131,8 +131,8 @@ class Design:
 
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
-        """Return a design that shares the results of `earlier` before the first section that differs.
-        Raises PresetError for an object that is not a preset, for example a mesh, and for an open thickness."""
+        """Return a design. It shares the results of `earlier` from the stages before the first different section.
+        Raises PresetError if `preset` is not a preset, for example a mesh, or if its thickness is 'auto'."""
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
         if not preset.statics.is_sized:
@@ -152,8 +152,8 @@ class Design:
 
     @classmethod
     def from_results(cls, preset: Preset, log: Log | None = None, **results: Any) -> "Design":
-        """Return a design with existing results, by the names of its attributes.
-        log : receives the seconds and notes of the stages that are computed later."""
+        """Return a design with existing results; their keywords are attributes of Design.
+        log : receives the times and notes of the stages that are computed later."""
         return cls(preset, log or Log(None), StageResults(results))
 
     def until(self, stage: str) -> Self:
@@ -170,7 +170,7 @@ class Design:
         return self._results.has(stage)
 
     def cached_result(self, stage: str, name: str, make: Callable[[], T]) -> T:
-        """Return `make()`, computed once under `name`. A revision keeps it if only stages after `stage` changed."""
+        """Return `make()`, called once and stored under `name`. A revision keeps it if only later stages change."""
         return self._results.derived_value(stage, name, make)
 
     def existing_result(self, name: str) -> Any:
@@ -190,7 +190,7 @@ class Design:
         return save(self, folder, **options)
 
     def to_build123d(self) -> "build123d.Shape":
-        """Return the shape of `write("x.step")` for build123d, millimetres; its faces are smooth if possible."""
+        """Return the solid of `write("x.step")` as a build123d shape, millimetres; its faces are smooth if possible."""
         from dsfab.design.output import to_build123d
 
         return to_build123d(self)
@@ -238,7 +238,7 @@ class Design:
         return pattern_stage(self.preset, self.analysis, self._log, self._stripe_method(self.analysis))
 
     def _stripe_method(self, analysis: StressedSurface) -> ChosenMethod:
-        """Return the method and centre lines of the stripes; sketch and pattern share them."""
+        """Return the method and centre lines of the stripes, computed once for `sketch` and `pattern`."""
         return self._results.input_of("pattern", "method", lambda: self._chosen_method(analysis))
 
     def _chosen_method(self, analysis: StressedSurface) -> ChosenMethod:
@@ -250,8 +250,8 @@ class Design:
         return chosen_method(self.preset, analysis, self._log, self._results.existing_input("earlier stripes"))
 
     def _rough_design(self) -> "Design | None":
-        """Return a design with rough statics, for a sketch before accurate elements are solved.
-        None if the accurate statics exist, or if rough statics save no time."""
+        """Return a design with statics by fast elements, for a sketch before accurate elements are solved.
+        Return None if the accurate statics exist, or if fast elements save no time."""
         if self.has("statics"):
             return None
         return self._results.input_of("pattern", "rough design", self._design_with_rough_statics)
@@ -268,12 +268,12 @@ class Design:
         return rough if rough and same_followed_stress(rough.statics, self.statics) else None
 
     def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
-        """Return a design with an approximate pattern in a tenth of the time, for a first picture.
+        """Return a design with an approximate pattern, for a first picture; it takes a tenth of the time.
 
-        modes   : False to skip the modes if stripes are evenly spaced.
-        answers : True for accurate stress and energy, False for rough values.
+        modes   : False to leave out the modes if stripes are evenly spaced.
+        answers : True for accurate stress and energy, False for values by fast elements.
 
-        Return None if no approximate widths give the requested share of material; `pattern` then raises the reason.
+        Return None if no approximate widths give the requested share of material; then `pattern` raises an error.
         Raises the DsfabError of the stage that fails."""
         if answers:
             _ = self.statics
@@ -298,7 +298,7 @@ class Design:
     def _slicing(self) -> SlicingResult:
         require_buildable(self.preset, self.statics)
         result = slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
-        if self.pattern.trial is not None:  # large, and not needed by later stages
+        if self.pattern.trial is not None:  # the trial is large, and later stages do not need it
             self._results.replace("pattern", replace(self.pattern, trial=None))
         return result
 
@@ -327,7 +327,7 @@ class Design:
 
     @property
     def member_forces(self) -> "dict[str, MemberForces]":
-        """Forces in the directions of each member's axis, by name of the member, from `section_forces`."""
+        """Forces and moments along the axis of each member, by name of the member, from `section_forces`."""
         from dsfab.members.frame import member_forces
 
         return self.cached_result("slicing", "member forces", lambda: member_forces(self.members, self.section_forces))
@@ -335,7 +335,7 @@ class Design:
     @property
     def member_utilisation(self) -> "Utilisation":
         """Forces in the members divided by their resistance, by the standard of the material.
-        Raises StaticsError without a material and without a strength."""
+        Raises StaticsError if there is neither a material nor a strength."""
         return self.cached_result("slicing", "member utilisation", self._member_utilisation)
 
     def _member_utilisation(self) -> "Utilisation":
@@ -368,7 +368,7 @@ class Design:
 
     @property
     def seconds(self) -> Mapping[str, float]:
-        """Seconds of the rows of the timing table, for the computed stages."""
+        """Computing times (s) of the computed stages, by row of the table `TIMED`."""
         return MappingProxyType(self._log.seconds)
 
     @property
@@ -378,12 +378,12 @@ class Design:
 
     @property
     def file(self) -> FileRecord | None:
-        """Record of the data that was read, repaired and dropped in the surface file; None without a file."""
+        """Record of the data in the surface file that was read, repaired or left out; None without a file."""
         return self._log.file
 
     @property
     def resolved_preset(self) -> Preset:
-        """The preset with the results of all searches in place of `auto`; it gives the same design without a search."""
+        """The preset with the results of all searches in place of `auto`; it gives this design without a search."""
         return self.pattern.preset_with_choices(self.preset)
 
     @property
@@ -399,7 +399,7 @@ class Design:
 
     @property
     def cut_loads(self) -> dict[str, LoadCase]:
-        """Loads that the pattern follows, on the cut sheet, by name. Raises StaticsError if a load has no support."""
+        """Loads that the pattern follows, on the cut sheet, by name. Raises StaticsError if one has no support."""
         return self._loads_on_sheet(self.preset.followed_weights)
 
     def _loads_on_sheet(self, names: Iterable[str]) -> dict[str, LoadCase]:
@@ -453,12 +453,12 @@ def run(preset: Preset, progress: Progress | None = None) -> Design:
 
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
-    """Return the design of `preset`; stages of `design` before the first section that differs are not computed again.
-    So a change of [pattern] keeps statics and diffusion, and a change of `gamma` or `r` keeps the statics."""
+    """Return the design of `preset`. Stages before the first section that differs are not computed again: a change of
+    [pattern] keeps statics and diffusion, and a change of `gamma` or `r` keeps the statics."""
     return Design.from_preset(preset, design, progress).until("thickening")
 
 
 def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
-    """Run the stages up to the pattern, without a cut. earlier : design whose unchanged first stages are used again.
+    """Run the stages up to the pattern, without a cut. earlier : a design; its stages that do not change are reused.
     Raises the DsfabError of the stage that fails."""
     return Design.from_preset(preset, earlier, progress).until("pattern")

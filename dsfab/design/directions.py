@@ -1,4 +1,4 @@
-"""Stage 3: diffusion tensors and modes; also the changes of stripe directions by the user."""
+"""Stage 3: diffusion tensors and modes; and changes of the stripe directions that the user asks for."""
 
 from dataclasses import dataclass, replace
 
@@ -28,7 +28,7 @@ from dsfab.surface.orientation import one_sided_pieces
 
 
 def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """Return the stress (m, 3, 3), Pa, that the pattern follows on each face, from one case or from several cases."""
+    """Return the stress (m, 3, 3), Pa, that the pattern follows on each face: of one case, or combined from several."""
     sigma = {name: statics.cases[name].followed_stress for name in preset.followed_weights}
     if not preset.combines:
         return next(iter(sigma.values()))
@@ -36,7 +36,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return axes, the rows (3, 3), for signs and bases of modes; they depend on loads and supports only."""
+    """Return axes, the rows (3, 3), which fix signs and bases of modes; they depend only on loads and supports."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -61,7 +61,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
             f"modes are symmetric ({', '.join(options.symmetry)}, {symmetry.order} images), with an error of "
             f"{asymmetry:.1g} of their size on this mesh",
         )
-    # with 3.2 sqrt(r) cells across a surface, the first eigenvalues had errors below 10 %
+    # with 3.2 sqrt(r) triangles from side to side of a surface, the first eigenvalues had errors below 10 %
     edge = np.sqrt(surface.area) / (3.2 * np.sqrt(options.r))
     if surface.mean_edge > edge:
         log.note(
@@ -100,8 +100,8 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Steering:
-    """Changes of stripe directions by the user: `turn` is a rotation from the stress (radians), `guidance` the guides.
-    symmetry : symmetry that the changed directions have.    loops : small supported loops.    told : note or ''."""
+    """Changes of stripe directions by the user: a rotation `turn` (radians) from the stress, and guides (`guidance`).
+    symmetry : that of the changed directions.    loops : small closed lines of supports.    told : a note, or ''."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -110,19 +110,19 @@ class Steering:
     loops: tuple[LoopSurroundings, ...] = ()
 
     def with_loops(self, frames: Frames, stress: StressDirections) -> "Steering":
-        """Return the steering with a guide around each small supported loop."""
+        """Return these changes with one more guide around each of `loops`."""
         around = (loop.guidance(frames, stress, self.turn) for loop in self.loops)
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return how clear the direction is on each face, (m,), 0 to 1, from the stress (m,) and the guides."""
+        """Return how clear the direction is on each face (m,), 0 to 1. stress : (m,) the same without guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
         return np.asarray(sum((guide.weight for guide in self.guidance), np.zeros(surface.n))[surface.F].mean(axis=1))
 
     def outcome(self, surface: Surface, along: Floats, directions: StressDirections, over: Bools) -> StripeSteering:
-        """Return the final steering for the directions `along` (n, 3) of the major stripes.
+        """Return a record of the changes, for the final directions `along` (n, 3) of the major stripes.
         over : (n,) True at vertices where the two families exchange their names, see `family_crossings`."""
         cosines = (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) for k in (0, 1))
         first_share, second_share = ((cosine**2).sum(axis=1) for cosine in cosines)
@@ -138,8 +138,8 @@ class Steering:
 
 
 def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
-    """Return the steering of a pattern.
-    symmetry : symmetry of surface, supports and loads.    spacing : metres, for guides without their own reach.
+    """Return the changes of stripe directions in a [pattern] section.
+    symmetry : that of surface, supports and loads.    spacing : metres; the reach of guides that have no own reach.
     Raises PatternError for an angle on a one-sided surface, and for a guide without effect."""
     oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
@@ -164,7 +164,7 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
 
 
 def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
-    """Return True for each image (g,) of the symmetry that preserves the sense of rotation on over 90 % of the area."""
+    """Return True for each image (g,) of the symmetry that keeps the sense of rotation on over 90 % of the area."""
     normal = surface.normals
     agree = [
         np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0
@@ -187,7 +187,7 @@ def _keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, 
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the symmetry of the selected images and its order; None and 1 for one image, or without a group."""
+    """Return the symmetry of the selected images, and their number; None and 1 if they are no group of two or more."""
     R = symmetry.R[selected]
     maps = tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):

@@ -1,4 +1,4 @@
-"""Evenly spaced stripes: their directions, densities and phases, and lines that end in crowded places."""
+"""Evenly spaced stripes: their directions, densities and phases. Lines that come too close together end."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -40,15 +40,15 @@ from dsfab.statics import varying_thickness
 from dsfab.surface import Surface, link_components
 
 SLOPES = (0.6, 1.6)
-"""Limits of actual divided by wanted growth of a phase; only faces around singular points exceed these limits."""
+"""Limits of a phase's gradient, divided by its wanted value; only faces around singular points exceed them."""
 
 
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
-    """The lines of one family; each halving ends every second line.
+    """The lines of one family, where its phase is a whole number. Each halving ends every second line.
     most  : largest number of halvings.      wish  : (m,) wanted number of halvings on each face, 0 to `most`.
-    free  : (m,) wanted number of halvings without these limits.
-    slope : (n,) periods per metre at each vertex.    grown : mean growth of the phase divided by its wanted growth."""
+    free  : (m,) wanted number of halvings, without these limits.
+    slope : (n,) lines per metre at each vertex, if not halved.    grown : mean slope divided by the wanted one."""
 
     phase: CornerPhase
     most: int
@@ -60,12 +60,12 @@ class FamilyLines:
 
 @dataclass(frozen=True, eq=False)
 class StripeDirections:
-    """Directions and constraints of both families.
+    """Directions of both families, and the input for their phases.
 
     given      : directions of the principal stresses.    along : (n, 3) directions of major stripes at vertices.
     confidence : (m,) how clear the direction is on each face, 0 to 1.
-    moved      : (n,) displacement of each vertex under the followed loads, in any unit.
-    members    : curves of guides that become members."""
+    moved      : (n,) size of each vertex's displacement under the followed loads, in any unit.
+    members    : guide curves that become members."""
 
     frames: Frames
     given: StressDirections
@@ -88,7 +88,7 @@ class StripeDirections:
         steer = replace(steering(preset.pattern, frames, symmetry, min(spacings)), loops=loops)
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
-        length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow changes over a shorter length
+        length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow faster changes
         along, over = _directions(preset.pattern, frames, stress, steer, images, length)
         steer = steer.with_loops(frames, stress)
         confidence = steer.confidence(surface, stress.confidence(surface.areas))
@@ -105,7 +105,7 @@ class StripeDirections:
         return cross(self.frames.normal, self.along), self.along
 
     def steered_with_members(self, families: Sequence[FamilyLines]) -> StripeSteering | None:
-        """Return the steering, with a message for each guide curve that becomes a member."""
+        """Return the record of changes, with a note on each guide curve that becomes a member."""
         if self.steered is None or not self.members:
             return self.steered
         surface, messages = self.frames.surface, [self.steered.told] * bool(self.steered.told)
@@ -122,7 +122,7 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
     other_family = FAMILIES[1 - FAMILIES.index(line.family)]
     hint = f"; the {other_family} family follows this curve by itself: family = '{other_family}' bends less"
     hint = hint if across else ""
-    if share >= 0.995:  # a few sample points of the curve may lie outside the member
+    if share >= 0.995:  # a few points of the curve may lie outside the member
         return f"a {line.family} member runs on the curve of {key}{hint}"
     return (
         f"a {line.family} member follows only {share:.0%} of the curve of {key}, because of another guide, an edge "
@@ -134,10 +134,9 @@ def _directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
     """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of exchanged families.
-
-    At a vertex of this mask the major stripes of the neighbouring region continue as minor stripes. At a crossing of
-    families both principal stresses are equal, and the direction of the larger stress turns by a right angle.
-    Crossings are found before smoothing, because smoothing across them produces singular points."""
+    At a vertex of this mask, major stripes have the direction of the minor principal stress. So members run straight on
+    where both principal stresses are equal and the direction of the larger one changes by 90 degrees. Such lines are
+    found before smoothing, because smoothing across them produces singular points."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         guidance = steer.with_loops(frames, stress).guidance
@@ -145,9 +144,9 @@ def _directions(
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:
-        # on eight plates, smoothing over 1 edge, or noise over 0.25 edges, joined faces across a crossing
+        # only 0.6 edges: on eight plates, smoothing over 1 edge joined regions on both sides of such a line
         crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
-        # smaller regions have no space for two members: with 1.6 instead of 2, four members of a floor had loose ends
+        # a smaller region has no space for two members: with 1.6 in place of 2, four members of a floor had loose ends
         crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
         stress = _exchanged_on(stress, crossed[frames.surface.F].mean(axis=1) > 0.5)
     along = smooth(stress, length)
@@ -156,7 +155,7 @@ def _directions(
 
 
 def _region_areas(frames: Frames, crossed: Bools) -> Floats:
-    """Return the area (m2) of the region of each vertex (n,); inside a region the families do not exchange names."""
+    """Return for each vertex (n,) the area (m2) of its region; inside a region the families do not exchange names."""
     surface, (i, j) = frames.surface, frames.ends.T
     inside = crossed[i] == crossed[j]
     count, region = link_components(surface.n, i[inside], j[inside])
@@ -170,7 +169,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) of vertices where the families exchange names; empty with guides, or if images differ."""
+    """Return a mask (n,) of vertices where the families exchange names; none with guides, or if images differ."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -178,9 +177,9 @@ def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Image
 
 @dataclass(frozen=True, eq=False)
 class FamilyCourse:
-    """Directions and density of one family, from which its lines follow for any spacing.
+    """Directions and density of one family, which give its lines for any spacing.
     g     : (n, 3) direction of the phase gradient at each vertex.    u : (n,) logarithm of the density.
-    start : (n,) weight of each vertex as a start of the phase.    members : guide curves that become members."""
+    start : (n,) weight of each vertex for the choice of the phase.    members : guide curves that become members."""
 
     follow: StripeDirections
     g: Floats
@@ -191,7 +190,7 @@ class FamilyCourse:
 
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
-        """Return the course of a family by name. `start` is the fourth power of the stress."""
+        """Return the data of the family `name`. The weights `start` are the fourth power of the stress."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -201,17 +200,17 @@ class FamilyCourse:
 
     @property
     def without_halving(self) -> Self:
-        """The same course without halving, so that no line ends early."""
+        """The same data without halving, so that no line ends early."""
         return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
 
     def lines(self, spacing: float) -> FamilyLines:
         """Return the lines of the family, with a mean spacing of `spacing` metres.
-        Two phases are possible, half a period apart. The function takes the phase whose lines run along stressed
-        vertices that move, because supported vertices need no line."""
+        Two phases are possible, half a period apart. The better one has its lines at vertices with large stress and
+        large displacement, because supported vertices need no line."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**halvings)  # so closed lines have whole periods after halving
+        coarse = Flow(frames, self.g, finest / 2**halvings)  # closed curves keep a whole number of lines
         locked_to_guides, aim = guide_phases(self.members, frames, self.g, coarse.density)
         lock = locked_to_guides | boundary_lines(surface, self.g, spacing)
         conditions = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
@@ -230,14 +229,14 @@ class FamilyCourse:
 
 
 def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """Return the displacement (n,) of each vertex, summed over the followed loads; 1 everywhere if nothing moves."""
+    """Return the size of each vertex's displacement (n,), summed over the followed loads; ones if nothing moves."""
     followed = [(weight, statics.cases[name].equilibrium.u) for name, weight in preset.followed_weights.items()]
     movement = sum(abs(weight) * np.linalg.norm(u, axis=1) for weight, u in followed)
     return np.asarray(movement if np.any(movement) else np.ones(surface.n))
 
 
 def no_lines(surface: Surface, spacing: float) -> FamilyLines:
-    """Return an empty family: all of its faces are singular."""
+    """Return a family without lines: all faces count as singular."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
@@ -251,7 +250,7 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
 
 
 def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floats) -> Floats:
-    """Return periods per metre (n,) around each vertex, from the gradient's length (m,) on regular faces."""
+    """Return lines per metre (n,) around each vertex. size : (m,) length of the phase's gradient on each face."""
     regular = (~singular).astype(float)
     mean, regular_share = vertex_means(surface, np.stack([size * regular, regular], axis=1)).T
     slope = np.divide(mean, regular_share, out=wanted_density.copy(), where=regular_share > 0)
@@ -259,14 +258,14 @@ def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floa
 
 
 def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the stress of the middle surface, as optimal forces require."""
+    """Return True if the pattern follows the stress in the middle of the thickness, as optimal forces require."""
     cases = [statics.cases[name] for name in preset.followed_weights]
     return all(case.layered is None for case in cases) and not is_slab(surface, [case.answers for case in cases])
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """Return statics whose followed stresses are those of the stiffest sheet of varying thickness.
-    Each stress is the force in that sheet divided by the constant thickness. Raises PatternError under bending."""
+    """Return statics in which the pattern follows the stresses of the stiffest sheet of varying thickness.
+    A stress is the force in that sheet divided by the preset's thickness. Raises PatternError if the sheet bends."""
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
             'pattern.forces = "optimal" needs membrane forces, but the pattern follows bending here: set '
@@ -280,12 +279,12 @@ def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) ->
     return replace(statics, cases={**statics.cases, **cases})
 
 
-FINEST = 0.5  # Least spacing of stripes, in mean edges; members much thinner than a triangle have ragged borders.
+FINEST = 0.5  # Smallest spacing of stripes, in mean edges; members thinner than triangles have uneven borders.
 
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
     """Return True if two [pattern] sections give the same centre lines.
-    Only widths, kept regions and keys for stripes on modes may differ; with rounds of weight, nothing may differ."""
+    Only widths, kept regions and keys for stripes on modes may differ. If `rounds` is above 0, nothing may differ."""
     if current.rounds:
         return earlier == current
 
@@ -299,8 +298,8 @@ def same_stripes(earlier: Pattern, current: Pattern) -> bool:
 
 
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
-    """Return the evenly spaced stripes of [pattern].
-    Raises PatternError if the stress is zero, and for a spacing too fine for the mesh or too wide for the surface."""
+    """Return the evenly spaced stripes of a preset's [pattern] section.
+    Raises PatternError if the stress is zero, or if a spacing is too small for the mesh or too large for it."""
     options = preset.pattern
     if options.forces == "optimal":
         statics = optimal_statics(preset, surface, statics)
@@ -323,8 +322,8 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
-    """Return both families of lines, drawn again if their mean spacing is off its requested value (m) by over 5 %.
-    If it is still off by over 30 %, the lines are drawn without halving."""
+    """Return both families of lines. A family whose mean spacing differs by over 5 % from the requested one (m) is
+    computed again; if it still differs by over 30 %, without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -332,7 +331,7 @@ def _redrawn_lines(
         redo = [k for k, lines in enumerate(families) if lines.most > 0 and abs(deviations[k]) > limit]
         if not redo:
             break
-        for k in redo:  # because lines end at openings, their spacing is only known after drawing
+        for k in redo:  # the spacing is only known afterwards, because lines end at openings
             wider = spacings[k] * float(np.exp(deviations[k]))
             families[k] = courses[k].lines(wider) if halve else courses[k].without_halving.lines(spacings[k])
         tries.append(_DividedFamilies.from_lines(directions, *families))
@@ -341,7 +340,7 @@ def _redrawn_lines(
 
 
 def _spacing_errors(surface: Surface, divided: "_DividedFamilies", spacings: list[float]) -> Floats:
-    """Return the logarithm of drawn divided by requested stripes per metre, as a mean for each family (2,)."""
+    """Return the logarithm of actual divided by requested lines per metre, the mean of each family (2,)."""
     mean = surface.vertex_areas @ divided.density / surface.area
     return np.asarray(np.log(mean * np.array(spacings)))
 
@@ -377,8 +376,8 @@ def _digits(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
-    """Both families after halving; density : (n, 2) remaining lines per metre at each vertex, for each family.
-    The density is the mean over all symmetric images, because faces are not exactly symmetric."""
+    """Both families after halving. density : (n, 2) remaining lines per metre at each vertex, for each family. It is
+    the mean of all symmetric images, because a mesh is not exactly symmetric."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

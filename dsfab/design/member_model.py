@@ -25,12 +25,12 @@ LOAD_DURATIONS: dict[str, "Duration"] = {
     "imposed H": "short",
     "wind": "short",
 }
-"""Duration of loads by action [EN 1995-1-1, table 2.2]; snow and all other actions have a medium duration."""
+"""Duration class of loads by action [EN 1995-1-1, table 2.2]. Snow and actions that are not listed are medium-term."""
 
 
 def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str, "MemberForces"]) -> "Utilisation":
-    """Return forces in members divided by their resistance, for the cases and combinations of the ultimate limit state.
-    Raises StaticsError without a material and without a strength."""
+    """Return forces in members divided by their resistance, in cases and combinations of the ultimate limit state.
+    Raises StaticsError if there is neither a material nor a strength."""
     from dsfab.members.eurocode import MemberBays, utilisation
 
     bays = MemberBays.from_forces(graph, forces, preset.statics.thickness)
@@ -81,7 +81,7 @@ PERMANENT = {"self_weight", "cladding"}  # Kinds of permanent loads.
 
 
 class ActionCase(NamedTuple):
-    """Loads of one case that belong to one kind of action, on the uncut surface.
+    """Those loads of one case that belong to one kind of action, on the uncut surface.
     case : name of the case in the preset.    action : permanent, snow, wind or variable."""
 
     case: str
@@ -91,8 +91,8 @@ class ActionCase(NamedTuple):
 
 def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
     """Return the load cases of a preset by name, split so that each has a single kind of action.
-    Frame programs multiply a case by the factor of its kind; weight inside a snow case would get the factor of snow.
-    An entry of `surface.actions` applies to the whole case."""
+    This is for frame programs, which multiply a case by the factor of its kind: weight in a snow case would get the
+    factor of snow. If `surface.actions` names the kind of a case, it is not split."""
     section, action_by_name = preset.surface, dict[str, ActionCase]()
     for case in (name for name, entry in statics.cases.items() if entry.factors is None):
         load, kinds = statics.cases[case].load, dict[str, list[Load]]()
@@ -116,7 +116,7 @@ def _load_action(load: Load) -> str:
 
 
 def _action_kind(kind: str | None) -> str:
-    """Return permanent, snow, wind or variable for an action of EN 1990; '' for None."""
+    """Return the kind of an action of EN 1990: permanent, snow, wind or variable; '' for None."""
     if kind is None or kind in ("permanent", "wind"):
         return kind or ""
     return "snow" if kind.startswith("snow") else "variable"
@@ -131,7 +131,7 @@ def beam_model(
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
     """Return the beam model of a cut sheet with its members, under the loads of these cases.
-    A combination includes all parts of a split case. Raises StaticsError if no member has an axis."""
+    Combinations have all parts of a case that was split. Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
     section = preset.statics
@@ -149,8 +149,8 @@ def beam_model(
 def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
-    """Compare the beams with the cut sheet, whose ribs twist as bars, in each case.
-    Raises StaticsError if the supports do not hold both the beams and the sheet."""
+    """Compare the beams with the cut sheet in each case. The ribs of this sheet have the torsional stiffness of bars.
+    Raises StaticsError if the supports do not hold the beams or the sheet."""
     from dsfab.members.frame import agreement, solve_frame
 
     answers, spread_faces = solve_frame(frame), _spread_faces(graph, sheet.m)
@@ -168,8 +168,8 @@ def beam_agreement(
 def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
-    """Return the answers of a sheet whose ribs twist as a sheet, and of a sheet whose ribs twist as bars.
-    Both answers are equal if the sheet is solved in its plane, or if its ribs are too narrow for bars."""
+    """Return the results for a sheet whose ribs have the torsional stiffness of a sheet, and that of bars.
+    Both are equal if the sheet is loaded in its plane, or if its ribs are too narrow for bars."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:

@@ -1,4 +1,4 @@
-"""Search for a pattern method: designs with modes or even stripes, width rules, forces and spacings are compared."""
+"""Search for the best pattern method: it compares modes and even stripes, width rules, forces and spacings."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -28,20 +28,20 @@ from dsfab.results import (
 from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
-EXCHANGEABLE_RULES = ("constant", "graded")  # The search may exchange these width rules, given a solid fraction.
+EXCHANGEABLE_RULES = ("constant", "graded")  # The search may replace these width rules if there is a solid fraction.
 SPACINGS = (0.75, 1.25)
-"""Factors on the default spacings. In a plane, closer stripes are mostly stiffer if the mesh is fine enough: a plate
-with a hole at 30 % solid fraction has .86 times the compliance."""
+"""Factors on the default spacings. In flat sheets loaded in their plane, closer stripes are mostly stiffer if the mesh
+is fine enough: for a plate with a hole and 30 % material, the compliance is 0.86 times as large."""
 
 
 @dataclass(frozen=True, eq=False)
 class MethodCandidate:
-    """A method of drawing stripes, with the results of its trial.
+    """A pattern method, with the results of its trial.
 
-    preset  : preset without open choices.             choice  : choice of modes and phases that were `auto`.
+    preset  : preset in which nothing is `auto`.       choice  : modes and phases that were `auto`, best first.
     even    : evenly spaced stripes; None for modes.   sheet   : sheet after the cut; None if the trial failed.
-    grading : (n, f) half-width of each vertex and family, relative to the largest; None without the rule `stressed`.
-    notes   : notes for the design.                    drawn   : the stripes as built, or None."""
+    grading : (n, f) relative half-width at each vertex, for each family; None without the rule `stressed`.
+    notes   : notes for the design.                    drawn   : the stripes of the built design, or None."""
 
     preset: Preset
     attempt: Attempt
@@ -62,8 +62,8 @@ def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best even stripes and the best modes, each with the width rule `stressed`, if the rule may change.
-    Flat sheets gain most: with this rule their compliance is 1.2 to 1.7 times that of a topology optimisation, with
-    other rules 1.3 to 3.9 times."""
+    Flat sheets gain most: their compliance was 1.2 to 1.7 times that of a topology optimisation with this rule, and 1.3
+    to 3.9 times with other rules."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
@@ -85,8 +85,8 @@ def stressed_candidates(
 def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes, along the forces of the stiffest sheet of varying thickness.
-    The gain is large if these forces differ from those of the uncut sheet: .87 times the compliance for a plate."""
+    """Yield the best evenly spaced stripes, now along the forces of the stiffest sheet of varying thickness.
+    This helps where these forces differ from those of the uncut sheet: a plate had 0.87 times the compliance."""
     options = preset.pattern
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not _exchangeable(options.width) or options.is_steered:
@@ -109,7 +109,7 @@ def respaced_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes with larger and smaller spacings, with and without halving.
-    Nothing is yielded without a solid fraction, or if the preset sets the spacings."""
+    Yield nothing if there is no solid fraction, or if the preset sets the spacings."""
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not preset.pattern.width.solid_fraction:
         return
@@ -125,14 +125,14 @@ def respaced_candidates(
             except DsfabError as error:
                 yield MethodCandidate(variant_preset, Attempt(words, refused=str(error)))
                 continue
-            if any(even.wanted) or not halve:  # the same stripes if halving ends no line
+            if any(even.wanted) or not halve:  # if halving ends no line, the stripes are the same
                 variant = MethodCandidate(variant_preset, Attempt(words), None, even)
                 yield _with_worth(variant, analysis, replace(log, notes=[]))
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """Return the families without a given spacing, with `factor` times the default, and words for the spacings.
-    A family is left out if its spacing is under two mesh edges, because a member and an opening need an edge each."""
+    """Return the families whose spacing the preset does not set, with `factor` times the default, and the spacings as
+    text. A family is left out if its spacing is under two mesh edges: a member and an opening need one edge each."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
         family: Family = getattr(preset.pattern, name)
@@ -144,7 +144,7 @@ def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple
 
 
 def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) -> MethodCandidate:
-    """Return a candidate, built with the defaults of [slicing], and solved with the elements of trials."""
+    """Return a candidate, cut completely with the defaults of [slicing], and solved with the elements of trials."""
     preset = candidate.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, analysis, candidate.even), Log(None)
     try:
@@ -164,9 +164,9 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
-    """Return a candidate whose openings do not form a plate, if changes of [pattern] give a better one.
-    The drawn candidate and those of `uncrowded_changes` are built and compared by `Attempt.rank`.
-    draw : returns the stripes of a preset, without widths."""
+    """Return a candidate. If its openings would be filled and form a solid plate, try `uncrowded_changes` of [pattern].
+    All are built, and the best one by `Attempt.rank` is returned.
+    draw : function that returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
     cells = trial and (trial.cells, trial.latest.cells)
@@ -193,9 +193,9 @@ def uncrowded_candidate(
 
 
 def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[dict[str, object]]:
-    """Yield up to four changes of [pattern] that may avoid a plate of filled openings.
-    These are a larger `keep` if the plate is within a spacing of kept material, a larger spacing, both families or the
-    family of arches alone, and a rotation."""
+    """Yield up to four changes of [pattern] that may avoid a solid plate of filled openings.
+    They are: a larger `keep`, if the plate is nearer than a spacing to kept material; a larger spacing; both families,
+    or only the family of arches; and a rotation."""
     options, surface, load = design.preset.pattern, design.surface, design.statics.load
     spacings = {name: getattr(options, name).distance(surface.area, surface.mean_edge) for name in options.family_names}
     distance = np.linalg.norm(surface.V[load.supported | load.loaded] - plate.place, axis=1).min(initial=np.inf)
@@ -211,9 +211,9 @@ def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[di
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:
-    """Return the methods to try as pairs: name, and True for halving."""
+    """Return the methods to try, as pairs (name, True with halving)."""
     halved = [("stripes", True)] if preset.pattern.may_halve else []
-    modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # modes do not follow guides
+    modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # modes follow no guides
     return [*halved, ("stripes", False), *modes]
 
 
@@ -226,7 +226,7 @@ def method_candidates(
     if method == "modes":
         variant_preset = variant_preset.with_pattern(forces="uncut")
     if method == "modes" and preset.pattern.tidy is None and preset.pattern.families == "both":
-        variant_preset = variant_preset.with_pattern(tidy=True)  # because modes leave loose ends
+        variant_preset = variant_preset.with_pattern(tidy=True)  # modes leave loose ends
     log.report("pattern", f"trying {title}: cutting and solving")
     scratch = replace(log, notes=[])
     try:
@@ -262,8 +262,8 @@ def _with_quality(
     cells: Sheet,
     sheet: Sheet,
 ) -> MethodCandidate:
-    """Return a candidate with its sheet, and with the number of dead ends and slits of this sheet.
-    worth : compliance in joules, its ratio to that of the uncut sheet, and share of the surface, as in an `Attempt`."""
+    """Return a candidate with its sheet, and the number of dead ends and slits in it.
+    worth : its compliance (J), the ratio to that of the uncut sheet, and the share of material, for its `Attempt`."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
     attempt = Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits)
@@ -275,9 +275,8 @@ def _exchangeable(width: Width) -> bool:
 
 
 def _width_variants(width: Width) -> dict[str, Width]:
-    """Return width rules to try, by name.
-    A third rule grades with half the power q. Widths in proportion to the forces are best for bars without bending;
-    but members with little force also carry their weight and brace other members."""
+    """Return width rules to try, by name. The third is `graded` with half of the power q, so that widths differ less:
+    widths in proportion to forces are best for bars without bending, but members also carry their weight."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -286,15 +285,16 @@ def _width_variants(width: Width) -> dict[str, Width]:
 
 
 NEAR_BEST = 0.1
-"""Candidates are solved again with more accurate elements if their compliance exceeds the best by less than this share.
-Trials round no corners, so their solid fraction is off by up to 8 %. On a bracket, modes were 3 % worse than stripes in
-their trial, and 28 % better as built. Elements of trials are up to 26 % too stiff for members one triangle wide."""
+"""Candidates are solved again with more accurate elements if their compliance exceeds the best by less than 10 %.
+Trials have no fillets, so their solid fraction is wrong by up to 8 %; their elements are up to 26 % too stiff for
+members one triangle wide. On a bracket, modes were 3 % worse than stripes in the trial, and 28 % better when built."""
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
-    """Return the best method of drawing stripes, and all attempts, best first.
-    The best method has the fewest dead ends, then the fewest slits, then the most stiffness per share of material (see
-    `Attempt.rank`). Accurate elements order nearly equal candidates. Raises PatternError if none carries the loads."""
+    """Return the best candidate for the pattern method, and all attempts, best first.
+    The best has the fewest dead ends; of these the fewest slits; of these the smallest compliance times material. See
+    `Attempt.rank`. Accurate elements decide between nearly equal ones. Raises PatternError if none carries its
+    loads."""
     candidates: list[MethodCandidate] = []
     for method, halve in methods(preset):
         with log.row("method"):
@@ -318,8 +318,8 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return the candidates; up to four nearly equal candidates are built and solved.
-    The best candidate is built last, so that slicing can continue from its trial cut."""
+    """Return the candidates, of which the best ones, up to four, are built and solved again if they are nearly equal.
+    The very best is built last, so that slicing can continue from its trial cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]
@@ -332,7 +332,7 @@ def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSur
 
 
 def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates, best first; accurate elements order those with equal flaws and nearly equal stiffness."""
+    """Return candidates, best first. Accurate elements order those with equal flaws and nearly equal stiffness."""
     ranked = sorted(candidates, key=lambda candidate: candidate.attempt.rank)
     *flaws, soft = ranked[0].attempt.rank
     near_best = [candidate for candidate in ranked if candidate.sheet and list(candidate.attempt.rank[:-1]) == flaws]
@@ -343,7 +343,7 @@ def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> li
 
 
 def _accurate_softness(candidate: MethodCandidate, analysis: StressedSurface) -> float:
-    """Return compliance (J) times share of material, to three digits, with the elements of reports."""
+    """Return compliance (J) times share of material, with three digits, by more accurate elements than in trials."""
     assert candidate.sheet is not None
     trial = Trial(candidate.preset, analysis, candidate.even)
     compliance = trial.compliance(candidate.sheet.surface, trial.loads_on(candidate.sheet), "compliance_once")

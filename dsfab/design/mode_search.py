@@ -29,11 +29,11 @@ from dsfab.slicing import Sheet, Tidy, filled_slits, resolve_pinches, tidied_she
 from dsfab.statics import Aid, FaceStiffness, Quantity, solve_for
 from dsfab.surface import LoadCase, Surface, pieces
 
-SHARE_TOLERANCE = 2e-3  # Accuracy of pattern.width.solid_fraction in trials, as a share of the surface.
+SHARE_TOLERANCE = 2e-3  # Largest error of the solid fraction in trials.
 
 
 class CarryingSheet(NamedTuple):
-    """Cells of a cut, the supported sheet, and the options to remove loose ends; see also `Candidate`."""
+    """All cells of a cut, the supported part of its sheet, and the options to remove loose ends; see `Candidate`."""
 
     cells: Sheet
     sheet: Sheet
@@ -44,7 +44,7 @@ class CarryingSheet(NamedTuple):
 
 
 class TrialResult(NamedTuple):
-    """Result of a trial whose sheet carries its loads: the rated candidate, the pattern, the sheet, and all cells."""
+    """Result of a trial whose sheet carries its loads: the candidate with its compliance, the pattern, the cut."""
 
     candidate: Candidate
     pattern: PatternResult
@@ -53,7 +53,7 @@ class TrialResult(NamedTuple):
 
 
 class Trial:
-    """Trials of modes and phases on one surface."""
+    """Trials on one surface: patterns are cut and solved. even : evenly spaced stripes in place of modes."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         self.preset, self.given, self.surface, self.even = preset, analysis, analysis.surface, even
@@ -68,7 +68,7 @@ class Trial:
         return self.compliance(self.surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
-        """Return the candidate of two modes and two phases (major, minor stripes), or the reason why it was refused."""
+        """Try two modes and two phases (of major and minor stripes). If they fail, the candidate has the reason."""
         try:
             return self.result(self.preset.with_modes(mode, phase)).candidate
         except DsfabError as error:
@@ -76,7 +76,7 @@ class Trial:
 
     def result(self, preset: Preset, grading: Floats | None = None) -> TrialResult:
         """Cut and solve the modes or stripes of a preset. Raises DsfabError if the sheet does not carry the loads.
-        grading : (n, f) relative half-widths of each family, see `drawable_families`."""
+        grading : (n, f) relative half-widths at each vertex, for each family, see `drawable_families`."""
         options = preset.pattern
         families, layers = self._layers(preset, grading)
         carrying = self.carrying(layers)
@@ -132,11 +132,11 @@ class Trial:
 
 
 LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
-"""Limits of half-widths in the search, in periods: stripes may vanish and appear again, openings may close and open."""
+"""Limits of half-widths in the search, in periods. Within them, stripes and openings may vanish and come back."""
 
 
 class WidthStep(NamedTuple):
-    """Half-widths of a step, compliance (J) times share of the surface, and half-widths of the next step."""
+    """One step: compliance (J) times share of the surface (`worth`), its half-widths, and those for the next step."""
 
     worth: float
     grading: Floats
@@ -147,8 +147,8 @@ def stressed_step(
     preset: Preset, analysis: StressedSurface, log: Log, even: EvenStripes | None = None
 ) -> Floats | None:
     """Return the best relative half-widths (n, 2) of both families from pattern.width.steps trials.
-    The best trial has the least compliance per share of material, by constant strain and mid-edge bending on the cut
-    mesh. Return None if the first sheet does not carry the loads; the widths then follow the rule `graded`."""
+    The best trial has the smallest compliance times material, by elements with constant strain and mid-edge bending.
+    Return None if the first sheet does not carry the loads; the widths then follow the rule `graded`."""
     steps = _steps(StressedTrial(preset, analysis, even), log)
     if not steps:
         return None
@@ -162,10 +162,10 @@ def stressed_step(
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the choice with the modes and phases first that are stiffest with the width rule `stressed`.
-    Stressed widths are computed for the best three pairs of modes and for the lowest pair. They may change the order:
-    on a cantilever at 30 % of the material, the compliance over that of the uncut plate falls from 4.12 to 3.86 for
-    modes 2 and 2, and from 4.40 to 3.01 for modes 1 and 1."""
+    """Return the choice; its first modes and phases are now those that are stiffest with the width rule `stressed`.
+    Stressed widths are computed for the best three pairs of modes and for the lowest pair. They may change the order.
+    On a cantilever with 30 % material, the compliance divided by that of the uncut plate fell from 4.12 to 3.86 for
+    modes 2 and 2. It fell from 4.40 to 3.01 for modes 1 and 1."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
@@ -224,7 +224,7 @@ class StressedTrial(Trial):
         carrying = self.carrying(layers)
         options = self.preset.pattern
         requested = options.width.solid_fraction
-        if options.forces == "optimal":  # `_share` includes ends that are removed later
+        if options.forces == "optimal":  # `_share` counts ends that are removed later
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
@@ -237,7 +237,7 @@ class StressedTrial(Trial):
         return WidthStep(float(energy.sum()) * carrying.kept, grading, self._clipped_grading(families, next_grading))
 
     def _by_family(self, sheet: Sheet, names: NDArray[np.str_], x: Floats) -> Floats:
-        """Return sums (m, 2) of values x (m',) on the sheet's cells, for each face and family."""
+        """Return sums (m, 2) of the values x (m',) of a sheet's cells, for each uncut face and each family."""
         sums = []
         for family in self.families:
             cells = np.flatnonzero(names[sheet.family] == family.name)
@@ -251,26 +251,26 @@ class StressedTrial(Trial):
 
 
 START = (0.25, 0.0, 0.5, 0.75)
-"""Phases of the first round if the search chooses both modes; both families have the same phase. All four phases are
-tried for pairs with mode 1, else only the first phase.
-A shift hardly matters for higher modes, which rise and fall more often. On the cantilever these phases change the
-compliance by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4."""
+"""Phases of the first round if the search chooses both modes; both families have the same phase. All four are tried for
+pairs with mode 1, else only the first. For higher modes, which have more hills, the phase hardly matters. On the
+cantilever, the largest compliance for these phases divided by the smallest is 50 with modes 1 and 1, 1.1 with 2 and 2,
+and 1.02 with 4 and 4."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, in all combinations: the first list if no mode is searched, the second for one mode."""
-TOGETHER = ((1, 1), (-1, -1))  # Moves of both phases.
-AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Moves of one phase, and of both phases.
+"""Phases of the first round, in all combinations: the first list if the search chooses no mode, else the second."""
+TOGETHER = ((1, 1), (-1, -1))  # Changes of both phases, in steps.
+AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of one or both phases.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
-"""Each later round: number of pairs of modes that continue, best first; step of the phases in periods; moves."""
+"""Each later round: the number of best pairs of modes to change, the step of their phases (periods), the changes."""
 CONNECTED_SHARE = 0.98
-"""Least share of the material that the largest supported piece must have; designs with less rank last."""
+"""Smallest share of the material in the largest supported piece; designs with less come last."""
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases of both families.
 
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     """Return the candidates for modes and phases that are `auto`, best first.
-    The best candidate has the smallest compliance per share of material, and supports every concentrated load. The
-    search tries at most 57 candidates, as many as a topology optimisation has steps. For the width rule `stressed`, the
-    trials use graded widths; then `stressed_choice` reorders the best candidates.
+    The best has the smallest compliance times material, and supports every concentrated load. At most 57 are tried, as
+    many as a topology optimisation has steps. For the width rule `stressed`, the trials use graded widths; then
+    `stressed_choice` sorts the best candidates again.
     Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
@@ -304,7 +304,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
-    """Return the sort key. Three digits make mirror images equal; lower modes and phases then come first."""
+    """Return the sort key. With three digits, mirror images are equal; then lower modes and phases come first."""
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 
@@ -314,7 +314,7 @@ def _search_rounds(
 ) -> Iterator[Iterable[ModesAndPhases]]:
     families = (preset.pattern.major, preset.pattern.minor)
     is_drawn = [name in preset.pattern.family_names for name in FAMILIES]
-    every = range(1, min(4, computed) + 1)  # four modes, as in the paper
+    every = range(1, min(4, computed) + 1)  # up to four modes, as in the paper
     open_mode = [is_drawn[k] and families[k].mode == AUTO for k in (0, 1)]
     major, minor = (every if open_mode[k] else (families[k].number,) for k in (0, 1))
     open_phase = [is_drawn[k] and families[k].phase == AUTO for k in (0, 1)]

@@ -1,4 +1,4 @@
-"""Quality of a pattern, in a draft or a design: phases on a chart, directions, and symmetry."""
+"""Measures for the quality of a pattern, before or after the cut: stripes, directions, symmetry, filled openings."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,11 +24,11 @@ from dsfab.surface import Surface, centroid, link_components, nearest_places, we
 from dsfab.surface.fields import CornerField, DividedField
 
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
-"""Steps of a sequence that fills the unit square evenly: powers of 1 / 1.3247, root of x^3 = x + 1 [Roberts 2018]."""
+"""Steps of a sequence that fills the unit square evenly: 1 / g and 1 / g^2, with g^3 = g + 1 [Roberts 2018]."""
 
 
 class PatternedDesign(Protocol):
-    """A design, or its stages up to the pattern."""
+    """A design, or only its results up to the pattern (`DesignDraft`)."""
 
     @property
     def preset(self) -> Preset: ...
@@ -55,11 +55,11 @@ class DesignDraft(NamedTuple):
 def measured_pattern(
     design: PatternedDesign, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
-    """Return the quality of a pattern; after the cut, symmetry is measured on the cells.
-    For tidied patterns, dead ends and slits after the cut are those of the sheet.
+    """Return the quality of a pattern, measured on its stripes or, after the cut, on its cells.
+    After the cut of a tidied pattern, dead ends and slits are those of the sheet.
     symmetry : True to measure the symmetry error, too, which takes longest.
-    cells    : all cells of the cut; None measures the stripes (see `Design.quality`).
-    sheet    : the sheet after slicing; by default all material."""
+    cells    : all cells of the cut; None before the cut.
+    sheet    : the sheet after slicing; default: all material."""
     chart = pattern_chart(design)
     stripes = pattern_on_chart(design.surface, chart, design.pattern)
     followed = followed_directions(design)
@@ -69,7 +69,7 @@ def measured_pattern(
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
     steered = design.pattern.even.steered if design.pattern.even else None
-    guided = steered.guided[parent] > 0.1 if steered else None  # weaker guides are ignored
+    guided = steered.guided[parent] > 0.1 if steered else None  # guides with less weight do not count
     columns = followed.stress[parent], followed.direction[parent], confidence[parent]
     quality = pattern_quality(stripes, *columns, guided=guided)
     major, minor = (role.title for role in roles_of_families(design))
@@ -96,10 +96,10 @@ def _sheet_quality(
 
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
-    """Return the quality of a family, with only those dead ends that exist on the cut sheet.
-    An end does not count if its material was removed, or if its member continues, for example as a member of the other
-    family around a singular point of the stress.
-    reach      : metres; a dead end exists if material is nearer than this.
+    """Return the quality of a family, with only those dead ends that are still in the cut sheet.
+    An end does not count if its material was removed. It does not count either if its member continues, for example as
+    a member of the other family around a singular point of the stress.
+    reach      : metres; without material within this distance, the end was removed.
     half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
@@ -121,12 +121,12 @@ def pattern_chart(design: PatternedDesign) -> Chart:
 
 
 def stripes_on_chart(design: PatternedDesign) -> StripeChart:
-    """Return the stripes and kept regions of a design on its chart."""
+    """Return the stripes and kept regions of a design on `pattern_chart`."""
     return pattern_on_chart(design.surface, pattern_chart(design), design.pattern)
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
-    """Return the surface as a chart. Phases on modes have one value at each vertex, z (n, 2) = frequency x + phase."""
+    """Return the surface as a chart. Its phases at vertices (n, 2) are z = frequency x + phase, with modes x."""
     modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
     x = np.stack([family.mode(number) for family, number in modes], axis=1)
     z = x * np.array(pattern.frequency) + np.array(pattern.phase)
@@ -146,7 +146,7 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return the stresses along both families and their directions; without signs if the user turns stripes."""
+    """Return the stresses along both families, and their directions. Stresses of rotated stripes have no sign."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
@@ -165,14 +165,14 @@ def followed_directions(design: PatternedDesign) -> StressDirections:
 
 def roles_of_families(design: PatternedDesign) -> tuple[FamilyRole, FamilyRole]:
     """Return the roles of the major and the minor family.
-    The roles are unknown if the user turns the stripes, or if the stress belongs to several load cases."""
+    They are unknown if the stripes are rotated, or if several load cases give the stress."""
     if design.preset.pattern.rotate or design.preset.combines:
         return FamilyRole("major"), FamilyRole("minor")
     return family_roles(design.surface, followed_directions(design))
 
 
 def one_family_message(roles: tuple[FamilyRole, FamilyRole], families: str) -> str:
-    """Return a sentence about hoops or purlins that are drawn without the arches that carry the loads, or ''."""
+    """Return a sentence if `families` has hoops or purlins but not the arches that carry the loads; else ''."""
     drawn_role, omitted_role = sorted(roles, key=lambda role: role.key != families)
     if families == "both" or omitted_role.shape != "arches":
         return ""
@@ -192,12 +192,12 @@ def used_symmetry(design: PatternedDesign) -> Symmetry | None:
 
 
 def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -> float:
-    """Return the share of the uncut surface where the stripes differ from their worst symmetric image."""
+    """Return the share of the uncut surface where stripes differ from their symmetric image, for the worst image."""
     return _asymmetric_share(surface, stripes.surface, symmetry, partial(_is_material, stripes))
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
-    """Return `symmetry_error` for the cells of the cut, which have snapped edges and round corners."""
+    """Return the same error as `symmetry_error` for the cells of the cut."""
     V, F = cells.surface.V, cells.surface.F
     return _asymmetric_share(
         surface, cells.surface, symmetry, lambda points: cells.material[nearest_places(points, V, F).simplex]
@@ -207,13 +207,13 @@ def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
 def _asymmetric_share(
     surface: Surface, faces: Surface, symmetry: Symmetry, material: Callable[[Floats], Bools], samples: int = 120_000
 ) -> float:
-    """Return the share of the area where the material differs from its worst symmetric image.
+    """Return the share of the area where material differs from its symmetric image, for the worst image.
 
     surface  : the uncut surface; rotations and mirrors are about its centroid.
-    faces    : the chart or the cells. Sample points stand for equal areas and are spread evenly in the faces, so that
-               no row of points lies along the edge of a member.
+    faces    : the chart or the cells. Sample points in them stand for equal areas; they form no rows, which could lie
+               along the edge of a member.
     material : returns True (p,) for points (p, 3) whose nearest place on the faces is material.
-    samples  : approximate number of points times images; 24,000 gave .40 instead of .55 % for eight images."""
+    samples  : points times images, about; with 24,000, eight images gave 0.40 in place of 0.55 %."""
     centre = centroid(surface)
     cumulated_area = np.cumsum(faces.areas)
     number = np.arange(samples // symmetry.order)
@@ -222,7 +222,7 @@ def _asymmetric_share(
     uv = np.where(uv.sum(axis=1, keepdims=True) > 1, 1 - uv, uv)
     weights = np.column_stack([1 - uv.sum(axis=1), uv])
     points_from_centre = np.einsum("pc,pcx->px", weights, faces.V[faces.F[face]]) - centre
-    points = [points_from_centre @ R.T + centre for R in symmetry.R]  # R[0] is the identity
+    points = [points_from_centre @ R.T + centre for R in symmetry.R]  # R[0] moves nothing
     is_material = material(np.concatenate(points)).reshape(symmetry.order, -1)
     return float((is_material != is_material[0]).mean(axis=1).max())
 
@@ -236,7 +236,7 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
     """Return the largest group of filled openings with at most `apart` metres between neighbours, or None.
-    samples : an opening is filled if this number of its largest cells is filled."""
+    samples : number of an opening's largest cells that must be filled for the opening to count as filled."""
     openings = openings_of(before)
     if openings is None:
         return None
@@ -257,10 +257,10 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
 
 
 def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
-    """Return the largest plate in which members of a single family touch outside kept regions, or None.
-    The plate has no openings; their number is taken as its area divided by the square of the spacing."""
+    """Return the largest solid plate in which members of a single family touch outside kept regions, or None.
+    The number of its filled openings is estimated as its area divided by the square of the spacing."""
     if options.families == "both":
-        return None  # between two families, openings close as a whole
+        return None  # with two families, `largest_filling` finds plates
     touch = pattern.half_width(options.families) >= SOLID
     layers = map(Layer, pattern.names, pattern.fields, pattern.levels, pattern.half_widths)
     kept_layers = [layer for layer in layers if layer.name not in FAMILIES]

@@ -1,4 +1,4 @@
-"""Stage 4: the pattern of a preset, with rounds in which the sheet has only the weight of the stripes."""
+"""Stage 4: the pattern of a preset; its directions may be computed again with only the weight of the stripes."""
 
 from dataclasses import replace
 from functools import partial
@@ -25,7 +25,7 @@ from dsfab.surface import LoadParts, Surface
 
 
 def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log) -> EvenStripes:
-    """Return even stripes after the rounds of weight in [pattern]. Raises PatternError as `even_stripes`."""
+    """Return even stripes, computed again `rounds` times with their weight. Raises PatternError as `even_stripes`."""
     log.report("pattern", "finding evenly spaced stripes along the stress")
     surface, statics = analysis.surface, analysis.statics
     even = even_stripes(preset.with_pattern(weight_rounds=0), surface, statics)
@@ -61,8 +61,8 @@ def _follows_own_weight(preset: Preset, statics: StaticsResult) -> bool:
 
 
 def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) -> Floats:
-    """Return the share of each face (m,) that stripes and kept regions cover, equal at all symmetric images.
-    Widths are those of a sketch, without round corners and filled openings."""
+    """Return the share of each face (m,) that stripes and kept regions cover, averaged over symmetric images.
+    Widths are approximate, and corners are not rounded nor openings filled."""
     surface, sketch = analysis.surface, sketched_step(preset, analysis, even=even)
     polygons = tidied_polygons(surface, sketch.fields, sketch.levels, SHARE_SNAP, sketch.tidy)
     area = polygons.cells.areas(polygons.X)[0] * ~polygons.void
@@ -71,9 +71,9 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 
 
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """Return `statics` with a share (m,) of the weight of each face in the followed cases, and its full stiffness."""
+    """Return `statics`, solved again for the followed cases with only a share (m,) of each face's weight."""
     layered = any(case.layered is not None for case in statics.cases.values())
-    follow = "layers" if layered else "membrane"  # as in the first round
+    follow = "layers" if layered else "membrane"  # the same kind of stress as in `statics`
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
     acting = [_lighter_loading(loading, surface, share) for loading in loadings(preset, surface)]
     lighter_cases = statics_step(preset.model_copy(update={"statics": section}), surface, Log(None), acting).cases
@@ -90,16 +90,16 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
-    """Return angles between principal directions of stresses (m, 3, 3), degrees: mean and 95 % quantile by area.
-    The weight in the mean is the area times the difference of the principal stresses `before`. The quantile is that of
-    the area with clear directions."""
+    """Return the angle between principal directions of two stresses (m, 3, 3), degrees: mean, and 95 % quantile by
+    area. In the mean, the weight of a face is its area times the difference of its principal stresses `before`. The
+    quantile is only for faces with clear directions."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
     axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
     angle = np.degrees(np.arctan2(across, np.abs(np.einsum("mi,mi->m", axis_before, axis_after))))
     half_difference = (stress[:, 0] - stress[:, 1]) / 2
     size = surface.areas * half_difference
-    # directions are clear if half the difference of the principal stresses exceeds a tenth of the stress
+    # clear: half the difference of the principal stresses exceeds a tenth of the stress
     clear = np.flatnonzero(half_difference > 0.1 * np.linalg.norm(before, axis=(1, 2)))
     clear_by_angle = clear[np.argsort(angle[clear])]
     cumulated_area = np.cumsum(surface.areas[clear_by_angle])
@@ -110,7 +110,7 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
 
 
 class EarlierStripes(NamedTuple):
-    """Evenly spaced stripes of an earlier design, with the same surface and stress."""
+    """Evenly spaced stripes of an earlier design with the same surface and stress. asked : its [pattern] section."""
 
     asked: Pattern
     even: EvenStripes
@@ -118,7 +118,7 @@ class EarlierStripes(NamedTuple):
 
 
 class ChosenMethod(NamedTuple):
-    """The chosen method of drawing stripes, without widths, and all attempts of the search, best first."""
+    """The chosen candidate for the pattern method (`way`), without widths; and all attempts of a search, best first."""
 
     way: MethodCandidate
     attempts: tuple[Attempt, ...] = ()
@@ -128,7 +128,7 @@ def chosen_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None = None
 ) -> ChosenMethod:
     """Choose the method, modes, phases and forces of the stripes; widths follow in `pattern_stage`.
-    earlier : stripes of an earlier design, used again if only widths and kept regions may have changed."""
+    earlier : stripes of an earlier design, used again if they are the same by `same_stripes`."""
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:
         log.note("pattern", f"weight_rounds has no effect on method = '{preset.pattern.method}', only on 'stripes'")
@@ -145,7 +145,7 @@ def chosen_method(
 
 
 def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: ChosenMethod) -> PatternResult:
-    """Return the stripes by the chosen method; the timing row `method` includes stripes that a search drew."""
+    """Return the stripes by the chosen method. If a search has drawn them, their time is in the row `method`."""
     candidate, before = chosen.way, len(log.notes)
     log.seconds.setdefault("pattern", 0.0)
     pattern = candidate.drawn or pattern_step(
@@ -161,13 +161,13 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
     if message := one_family_message(roles_of_families(draft), candidate.preset.pattern.families):
         log.note("pattern", message)
     resolved_options = None if candidate.preset is preset else candidate.preset.pattern
-    release_freed_memory(4e3 * analysis.surface.m)  # estimate of the freed bytes
+    release_freed_memory(4e3 * analysis.surface.m)  # expected number of freed bytes
     return replace(pattern, asked=resolved_options, attempts=chosen.attempts)
 
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
-    """Return stripes with approximate widths in a tenth of the time, for a picture before the final stripes exist.
-    Round corners and filled openings are missing. Raises PatternError if no width gives the requested share."""
+    """Return stripes with approximate widths, for a first picture; this takes a tenth of the time.
+    Corners are not rounded, nor openings filled. Raises PatternError if no width gives the requested share."""
     candidate = chosen.way
     return sketched_step(candidate.preset, analysis, candidate.choice, candidate.grading, candidate.even)
 

@@ -1,4 +1,4 @@
-"""The surface, cut along the outlines of its regions; loads and supports of the surface and of the cut sheet."""
+"""The surface, cut along the outlines of regions; loads and supports on the surface and on the cut sheet."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -36,13 +36,13 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest accepted difference of a region or guide from its image, as a share of its area, because edges are ragged."""
+"""Largest difference of a region or guide from its symmetric image, as a share of its area (edges are uneven)."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     """Return the surface with cuts along the outlines of the preset's regions; voids are cut out.
-    Raises SurfaceError for a region outside of the surface, and for voids that separate a support, a load or a piece of
-    the surface from the supports."""
+    Raises SurfaceError if a region is outside of the surface, if a support or a load is inside voids, or if voids
+    separate a piece of the surface from the supports."""
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
     for k in voids:
@@ -54,7 +54,7 @@ def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
 
 
 class Acting(NamedTuple):
-    """Supports and loads whose pickers select vertices of one surface."""
+    """Supports and loads, with pickers that select vertices of one surface."""
 
     support: tuple[Support, ...]
     load: tuple[Load, ...]
@@ -62,8 +62,8 @@ class Acting(NamedTuple):
 
 def acting_on(preset: Preset, surface: Surface) -> Acting:
     """Return the supports and the loads of a preset on its surface.
-    Pickers select vertices before voids are cut out, so the edge of an oculus is not a boundary. Raises SurfaceError if
-    all vertices of a picker are inside voids."""
+    Pickers select vertices before voids are cut out, so the edge of a void is no boundary for them. Raises SurfaceError
+    if all vertices of a picker are inside voids."""
     section = preset.surface
     if not preset.pattern.voids:
         return Acting(section.support, section.load)
@@ -85,10 +85,10 @@ def whole_surface(preset: Preset, surface: Surface) -> Surface:
 
 
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
-    """Return the surface before its voids are cut out, and the number (n,) there of each vertex of `surface`."""
+    """Return the surface before its voids are cut out, and for each vertex of `surface` its number (n,) there."""
     results = derived_results(surface)
     if _before_voids not in results:
-        from dsfab.design.surface_and_statics import base_surface  # a circular import
+        from dsfab.design.surface_and_statics import base_surface  # at the top, this import would be circular
 
         cut = with_regions(base_surface(preset), preset.pattern.region)
         results[_before_voids] = cut.whole, cut.vertices
@@ -113,13 +113,13 @@ def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges
 
 
 def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
-    """Return a sentence about regions without symmetric images; '' if all images of regions are regions."""
+    """Return a sentence about regions that are not as symmetric as the stripes; '' if there are none."""
     if symmetry is None:
         return ""
     exceptions = []
     for k, region in enumerate(regions):
         if region.do == "void":
-            continue  # the symmetry of the surface already includes its voids
+            continue  # voids were considered with the symmetry of the surface
         inside = region.faces(surface)
         differing_areas = [float(surface.areas @ (inside[images] != inside)) for images in symmetry.faces]
         matching = int((np.array(differing_areas) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())
@@ -154,9 +154,9 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """A load for which the sheet is solved.
-    name    : name of the case or the combination; empty for the sum of all cases.
-    factors : factors of the cases in a combination; None for a case. Combinations are sums of solved cases."""
+    """A load case or a combination for which results are computed.
+    name    : of the case or the combination; '' for the sum of all cases.
+    factors : factors of the cases in a combination, whose result is the sum of theirs; None for a case."""
 
     name: str
     load: LoadCase
@@ -166,7 +166,7 @@ class Loading:
 
 def loadings(preset: Preset, surface: Surface) -> list[Loading]:
     """Return the cases of a preset, then its combinations, then the sum of several cases.
-    Raises SurfaceError for supports and loads without a vertex."""
+    Raises SurfaceError for a support or a load without vertices."""
     section, weight = preset.surface, preset.statics.area_weight
     acting = acting_on(preset, surface)
     loads = load_cases(surface, acting.support, acting.load, weight)
@@ -183,8 +183,8 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
 
 @dataclass(frozen=True, eq=False)
 class CoveringLoads:
-    """Material that carries loads on the covering of an uncut surface with m faces, such as glass on a gridshell.
-    to      : (m,) the face with material that carries the covering of each face; -1 without such a face.
+    """Material of a cut sheet that carries loads on a covering, such as glass, on the m faces of the uncut surface.
+    to      : (m,) for each face, the face with material that carries its covering; -1 if there is none.
     area    : (m,) area of material in each face, m2.    place : (m, 3) centre of this material, metres.
     opening : (m,) number of the opening to which a face belongs; -1 for faces with material."""
 
@@ -200,7 +200,7 @@ class CoveringLoads:
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
-        carries = area > 0.02 * surface.areas  # smaller slivers of material carry no load
+        carries = area > 0.02 * surface.areas  # faces with less material carry no load
         carries = carries if carries.any() else area > 0
         place = np.where(carries[:, None], area_moment / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
         f, g, _ = _face_steps(surface)
@@ -228,10 +228,10 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Return forces (m, 3), N, on the carrying faces; the moment of an opening acts on its rim if possible."""
+        """Return forces (m, 3), N, on the carrying faces; those around an opening also take its moment, if possible."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
-        # a face of the rim may carry parts of several openings
+        # a face may carry parts of several openings
         pair, pair_index = np.unique(
             np.stack([self.opening[loaded_faces], self.to[loaded_faces]]), axis=1, return_inverse=True
         )
@@ -248,7 +248,7 @@ class CoveringLoads:
 
 
 def nearest_faces(surface: Surface, marked: Bools) -> Ints:
-    """Return the nearest marked face (m,) to each face, by paths over centres of faces and edges; -1 without a path."""
+    """Return the nearest marked face (m,) to each face, by paths through centres of faces and edges, or -1."""
     f, g, length = _face_steps(surface)
     steps = coo_array((length, (f, g)), shape=(surface.m, surface.m)).tocsr()
     predecessor = dijkstra(
@@ -258,7 +258,7 @@ def nearest_faces(surface: Surface, marked: Bools) -> Ints:
 
 
 def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
-    """Return pairs of neighbouring faces (k,), (k,), and the distance (k,), m, of their centres across the edge."""
+    """Return neighbouring faces (k,), (k,), and the distances (k,), m, of their centres through the edge's middle."""
     edges = surface.edges
     face, edge = edges.order // 3, edges.of.ravel()[edges.order]
     pairs = np.flatnonzero(edge[1:] == edge[:-1])
@@ -268,8 +268,9 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """Return forces (k, 3), N, at places (k, 3), with zero sum, that give each group (k,) its moment (g, 3), N m.
-    The forces are those of a bolt group with areas `weight` (k,). A group on a line takes no moment about the line."""
+    """Return forces (k, 3), N, at places (k, 3). In each group, their sum is zero and their moment is that of the group
+    (g, 3), N m. They are distributed as in a bolt group with bolt areas `weight` (k,). Places on a line take no moment
+    about this line."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -277,7 +278,7 @@ def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -
     inertia = np.zeros((count, 3, 3))
     point_inertia = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
     np.add.at(inertia, group, weight[:, None, None] * point_inertia)
-    # a group thinner than sqrt(1e-9) of its length counts as a line
+    # a group narrower than sqrt(1e-9) of its length counts as a line
     theta = np.einsum("gij,gj->gi", np.linalg.pinv(inertia, rcond=1e-9, hermitian=True), moment)
     return np.asarray(weight[:, None] * np.cross(theta[group], r))
 
@@ -287,9 +288,9 @@ LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
     """Return a clause about the first load on pieces without support, or ''.
-    If the cut removed the material of a load, the load moves to the nearest material (`sheet_load`). A load on a piece
-    without support is lost, even near other material. Up to 1 % of a load may be lost.
-    material : all material, with loose pieces.    sheet : the remaining part of the material."""
+    A load whose material was cut away moves to the nearest material (`sheet_load`). But a load on a piece without
+    support is lost, even if other material is near. Up to 1 % of a load may be lost.
+    material : all material, with loose pieces.    sheet : the material without them."""
     dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
         size = np.linalg.norm(load.point, axis=1) * load.loaded
@@ -307,7 +308,7 @@ def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[
 
 
 def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the `sheet_load` of each load; the faces that carry coverings are searched once for all loads."""
+    """Return the `sheet_load` of each load. The faces that carry coverings are found once for all loads."""
     covered = any(load.parts is not None and load.parts.covered.any() for load in loads.values())
     covering = CoveringLoads.for_sheet(surface, sheet) if covered else None
     return {name: sheet_load(surface, sheet, load, covering) for name, load in loads.items()}
@@ -316,10 +317,9 @@ def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> d
 def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: CoveringLoads | None = None) -> LoadCase:
     """Return the supports and loads of the uncut surface on a sheet that was cut from it.
 
-    A concentrated force on a removed vertex moves to the nearest vertex of the sheet: its resultant is exact, its
-    moment changes by force times distance. Weight and loads on material act on the remaining material. A load on a
-    covering acts on the nearest material with its resultant and moment (see `CoveringLoads`). The `parts` of the result
-    refer to vertices and cells of the sheet.
+    A concentrated force on a removed vertex moves to the nearest vertex of the sheet, which changes its moment. Weight
+    and loads on material act on the remaining material. A load on a covering acts on the nearest material with the same
+    resultant and moment (see `CoveringLoads`).
 
     covering : the `CoveringLoads` of this sheet, if the caller has it.
 
@@ -338,9 +338,9 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
-    """Return the supports of the uncut surface on a sheet that was cut from it, without a load.
-    Springs at removed vertices are lost. Edges inside a clamped edge of the uncut surface are clamped. Raises
-    StaticsError if no supported vertex remains."""
+    """Return the supports of the uncut surface on a sheet that was cut from it, without loads.
+    Springs at removed vertices are lost. Edges that are part of a clamped edge are clamped.
+    Raises StaticsError if no supported vertex remains."""
     sheet_vertex = sheet.same_vertex()
     fixed = sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges))
     remaining = np.flatnonzero(sheet_vertex >= 0)
@@ -376,7 +376,7 @@ def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
 
 
 def _edges_or_none(edges: Bools) -> Bools | None:
-    """Return supported edges; None if the load case has no edges, so that vertices decide."""
+    """Return a mask of supported edges; None if the load case has none, so that its vertices decide."""
     return edges if len(edges) else None
 
 

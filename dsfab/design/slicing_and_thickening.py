@@ -1,4 +1,4 @@
-"""Stages 5 and 6: the sheet, cut along the stripes and finished, and the thickened solid."""
+"""Stages 5 and 6: the sheet, which is cut along the stripes and finished, and the solid, which is thickened from it."""
 
 from collections import Counter
 from dataclasses import replace
@@ -30,8 +30,8 @@ from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, offsets, proven_cells, thicken, with_extras
 
 SPECK = 0.15
-"""Smallest opening between evenly spaced stripes, divided by their spacing. Smaller openings are filled; most of them
-lie at the edge of the surface."""
+"""Smallest width of an opening between evenly spaced stripes, divided by their spacing. Smaller openings are filled;
+most of them lie at the edge of the surface."""
 
 
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:
@@ -44,23 +44,23 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
-    """Return the members that merge across a slit; see `merging_rule`.
-    Only tidied stripes merge: a topology optimisation, cut by the same preset, must keep its mass."""
+    """Return which slits are filled, so that members merge: those of `merging_rule`, or none.
+    Only tidied stripes merge, because the mass of a topology optimisation with the same preset must not change."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
 
 def merging_rule(preset: Preset) -> Merging:
-    """Return the rule for filling slits: all slits, or only slits between crowded members.
-    If more than half of the surface is solid, most openings are narrower than members and must stay."""
+    """Return the rule for filling slits: all slits, or only those between members that come too close together.
+    If more than half of the surface is solid, most openings are narrower than members, but must stay."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
 def trial_cut(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> TrialCut | None:
-    """Return the cut of a pattern, finished up to the first rounding of corners; None without material.
-    The defaults of [slicing] apply, because a stage must not depend on a later section.
+    """Return the cut of a pattern, finished as far as the first rounding of corners; None if no material is left.
+    It uses the defaults of [slicing], because the pattern must not depend on a later section.
     polygons : the surface cut along the pattern, if the caller has it."""
     preset = preset.model_copy(update={"slicing": Slicing()})
     options = finishing_options(preset, surface, pattern)
@@ -69,8 +69,8 @@ def trial_cut(
 
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
-    """Return a trial cut with bridges (for a workshop also with least widths), and the added share of the surface.
-    A bridge crosses a gap that is too narrow between rounded members."""
+    """Return a trial cut with bridges (for a workshop also with least widths), and the share of the surface that they
+    add. A bridge is material across a place where rounded members are too close together."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
         trial = trial.with_least_widths(*_usual_widths(preset, surface))
@@ -78,25 +78,25 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return the smallest openings and the smallest necks of openings (m), or 0.
-    Smaller openings are filled, narrower necks bridged. By default a neck is about as wide as the thickness."""
+    """Return the smallest width of openings and of their narrow places (necks), metres, or 0.
+    Smaller openings are filled, and narrower necks bridged. By default a neck is about as wide as the thickness."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
     spacing = min(family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     thickness = preset.statics.thickness
-    # the rule for slits fills larger openings between tidied members
+    # between tidied members, `merging_rule` fills larger openings
     opening = min(SPECK * spacing, thickness) if options.removes_loose_ends else SPECK * spacing
-    # 1.1, because chords replace the round corners beside a bridge
+    # 1.1: the rounded corners beside a bridge are polygons, which are narrower
     return opening, min(1.1 * thickness, 0.2 * spacing)
 
 
 REQUESTED_SHARE = 0.95
-"""Least actual width of a member divided by its requested width: flat triangles cause errors of a few percent."""
+"""Smallest width of a member, divided by its requested width. Flat triangles cause errors of a few percent."""
 
 
 class WorkshopWidths(NamedTuple):
-    """Least widths of openings and members, metres; 0 for no limit."""
+    """Smallest allowed widths of openings and members, metres; 0 for no limit."""
 
     gap: float
     member: float
@@ -104,8 +104,8 @@ class WorkshopWidths(NamedTuple):
 
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     """Return the least widths of a preset on a surface, from [slicing] or by default; 0 without `pattern.workshop`.
-    By default members are at least half as wide as the thickness, about the width of a cutter. Larger limits in
-    [slicing] widen only members between openings with round corners."""
+    The default for members is half of the thickness, about the width of a cutter. A larger limit in [slicing] is not
+    used here: it widens members later, between openings with round corners."""
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     slicing, thickness = preset.slicing, preset.statics.thickness
@@ -118,12 +118,12 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 
 def usual_gap(thickness: float, size: float) -> float:
     """Return the default least width (m) of openings. size : diagonal of the surface's bounding box, metres.
-    It is a quarter of the thickness, but at least 3 mm for a saw blade, or a 500th of the size of small designs."""
+    It is a quarter of the thickness, but at least 3 mm for a saw blade; for small designs, a 500th of the size."""
     return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 
 def _least_requested_member(options: Pattern, surface: Surface) -> float:
-    """Return the least member width (m) in the preset; infinite if the preset sets no width."""
+    """Return the smallest member width (m) that the preset requests; infinite if it sets no width."""
     width = options.width
     member = width.member if width.rule == "constant" else 0.0
     widths_differ = options.method == "stripes" and width.rule in ("graded", "stressed") and not width.asked_least
@@ -132,8 +132,8 @@ def _least_requested_member(options: Pattern, surface: Surface) -> float:
 
 
 def least_member(options: Pattern, surface: Surface) -> float:
-    """Return the least width (m) of evenly spaced members of varying width: half the width of equally wide members.
-    Without a solid fraction, half of the surface counts as material."""
+    """Return the default least width (m) of evenly spaced members of varying width: half of the width that all members
+    would have with equal widths. Without a solid fraction, half of the surface counts as material."""
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
@@ -152,7 +152,7 @@ def closed_share(
 
 
 def least_drawn_member(preset: Preset, surface: Surface) -> float:
-    """Return the least width (m) of drawn members, so that few members need widening; 0 without `pattern.workshop`."""
+    """Return a least width (m) for stripes, so that few members need widening later; 0 without `pattern.workshop`."""
     return _usual_widths(preset, surface).member / REQUESTED_SHARE
 
 
@@ -162,7 +162,7 @@ def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 
 
 def least_widths_message(least: tuple[float, float], counts: Counter[str]) -> str:
-    """Return a note that counts the places that finishing changed for the least widths; '' without changes."""
+    """Return a note on the places that finishing changed because of the least widths; '' without changes."""
     gap, member = least
     parts = (
         ("closed", f"openings narrower than {length(gap)} were closed at {places_phrase(counts['closed'])}"),
@@ -178,14 +178,14 @@ def places_phrase(count: int) -> str:
     return f"{count} places" if count > 1 else "one place"
 
 
-FILLED_PLATE = 5  # Neighbouring filled openings that form a plate; at the ends of a member up to three are filled.
+FILLED_PLATE = 5  # So many neighbouring filled openings form a plate; at a member's end up to three are filled.
 
 
 def slicing_step(
     preset: Preset, surface: Surface, statics: StaticsResult, pattern: PatternResult, log: Log
 ) -> SlicingResult:
-    """Cut the surface; return the cells and the remaining sheet, the result of stage 5.
-    Raises PatternError without any material."""
+    """Cut the surface; return all cells and the sheet of material, the result of stage 5.
+    Raises PatternError if no material is left."""
     options = preset.slicing
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
         finishing, trial = finishing_options(preset, surface, pattern), pattern.trial
@@ -247,7 +247,7 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
 def filled_plate(
     options: Pattern, surface: Surface, load: LoadCase, pattern: PatternResult, cells: tuple[Sheet, Sheet]
 ) -> FilledOpenings | None:
-    """Return the largest group of filled openings if it forms a plate; None for a ring around a small supported loop.
+    """Return the largest group of filled openings if it forms a plate; None if it lies around a small closed support.
     cells : all cells before and after finishing."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
@@ -331,13 +331,13 @@ def _note_slicing(
 
 
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
-    """Note loads that differ between the uncut sheet, which sets the directions of stripes, and the cut sheet."""
+    """Note which loads of the cut sheet differ from those of the uncut sheet, which the stripes follow."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(part.weight.any() for part in parts):
         areas = surface.area, sheet.surface.area
         uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
         message = f"the cut sheet weighs {sheet_weight}, which all its results include"
-        if not preset.pattern.rounds:  # rounds of weight have their own note
+        if not preset.pattern.rounds:  # else `stripes_under_own_weight` has noted it
             message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):
@@ -345,7 +345,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
-    """Thicken the sheet: stage 6. Offsets follow the smooth normals of the uncut surface, interpolated on the cells.
+    """Thicken the sheet: stage 6. It is thickened along the normals of the uncut surface, interpolated on the cells.
     Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):

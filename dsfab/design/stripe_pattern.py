@@ -1,4 +1,4 @@
-"""Stage 4: stripes of material, further regions of material, and the search for the requested share."""
+"""Stage 4: stripes and kept regions, and the search for widths that give the requested share of material."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -42,9 +42,9 @@ class _LatestLayers(NamedTuple):
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
-    """Return the layers that are material in all patterns.
-    With symmetric stripes, the patches around supports and loads get the union of their images, because their borders
-    are ragged by up to one mesh edge. The user's regions stay unchanged."""
+    """Return the kept regions, which are material in every pattern.
+    With symmetric stripes, those around supports and loads are united with their symmetric images, because their edges
+    are uneven by up to one mesh edge. The user's regions do not change."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
@@ -57,7 +57,7 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStr
 
 def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
     options = preset.pattern.keep, preset.pattern.rim, preset.pattern.region
-    # sharing these layers saves a tenth of the time of all trials of `auto`
+    # all trials of `auto` use the same layers, which saves a tenth of their time
     latest: _LatestLayers | None = derived_results(load).get(_LatestLayers)
     if latest and latest.options == options and latest.surface() is surface:
         return latest.layers
@@ -67,7 +67,7 @@ def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Lay
 
 
 def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
-    """Return the options to remove loose ends from layers that are cut together; None if loose ends stay."""
+    """Return the options with which the cut along all layers removes loose ends; None if they stay."""
     if not preset.pattern.removes_loose_ends:
         return None
     names = [layer.name for layer in layers]
@@ -81,7 +81,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return a mask (m,) of faces where a stripe on a mode runs along the wrong principal direction, or None."""
+    """Return a mask (m,) of faces where a stripe on a mode has the wrong direction; None for other layers."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -93,12 +93,12 @@ def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) ->
     return np.asarray((along_own < along_other) & ~tensors.isotropic)
 
 
-SHARE_TOLERANCE = 4e-4  # Accuracy of pattern.width.solid_fraction, as a share of the surface.
-UNREPORTED = 2 * SHARE_TOLERANCE  # Largest error of pattern.width.solid_fraction that dsfab does not report.
+SHARE_TOLERANCE = 4e-4  # Largest error of the solid fraction.
+UNREPORTED = 2 * SHARE_TOLERANCE  # Largest error of the solid fraction that dsfab does not report.
 
 
 class _ShareTrial(NamedTuple):
-    """Requested share of the stripes, share that finishing adds, their measured sum, and the stripes."""
+    """Share of the surface requested from stripes (`aim`), share that finishing adds, measured sum, and stripes."""
 
     aim: float
     added: float
@@ -115,14 +115,14 @@ def corrected_pattern(
 ) -> tuple[PatternResult, float]:
     """Return stripes that cover the requested share of the surface after finishing, and the covered share.
 
-    draw_pattern  : draws stripes, for a share that finishing adds and an estimate of the width factor (0 for none).
-    nearest_share : returns the measured share nearest to a target, from all shares measured for the latest stripes.
-    added_share   : returns the share that finishing adds, by round corners and filled openings.
-    bridged_share : returns the share that bridges add to the latest stripes. The function is slow and mostly returns 0.
-                    So it runs once after a search without bridges, and in later trials only if it did not return 0.
+    draw_pattern  : function that draws stripes, for the share that finishing will add, and a guess of the width factor.
+    nearest_share : function that returns the measured share of the latest stripes that is nearest to a target.
+    added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
+    bridged_share : function that returns the share of added bridges. It is slow, and mostly 0. So it runs once after a
+                    search without bridges, and in later trials only if it was not 0.
 
-    The added share depends little on the widths, so the stripes get the requested share minus the added share. If
-    openings close, the added share jumps; the search then bisects between a smaller and a larger total."""
+    Stripes get the requested share minus the added one, which depends little on widths. But it jumps if openings close;
+    then the search takes middle values between a smaller and a larger total."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -136,16 +136,16 @@ def corrected_pattern(
     def converge(trial: _ShareTrial) -> _ShareTrial:
         for _ in range(3):
             if any(abs(earlier.aim + trial.added - requested) < SHARE_TOLERANCE for earlier in trials):
-                break  # the next trial would repeat an earlier trial
+                break  # the next trial would be like an earlier one
             trial = attempt(trial.added, trial.result.factor)
         return trial
 
     latest = converge(attempt(0.0))
     if (bridges := bridged_share()) > SHARE_TOLERANCE:
         latest = trials[-1] = latest._replace(added=latest.added + bridges, total=latest.total + bridges)
-        trials[:-1] = []  # earlier trials do not include bridges
+        trials[:-1] = []  # earlier trials have no bridges
         latest = converge(latest)
-    for k in range(8):  # from the fourth round on, the preset's tolerance suffices
+    for k in range(8):  # from the fourth round on, the error may be as large as the preset allows
         accepted = max(tolerance, UNREPORTED) if k >= 3 else UNREPORTED
         if min(abs(trial.total - requested) for trial in trials) <= accepted or not (
             middle := _middle_target(trials, requested)
@@ -158,26 +158,26 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the mean requested share of the nearest two trials below and above the target; 0 without such trials."""
+    """Return the mean `aim` of the two trials next to the requested total, below and above it; 0 if there are none."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0
 
 
 EXACT = 1e-9  # Shares that differ by less than this count as equal, because sums have rounding errors.
-COUNTED = 2  # Sample points along each side of a face, for rough shares of material at the beginning of a search.
+COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Factors on the approximate widths that decide which openings of crowded members close; smaller factors close fewer.
-If widths vary much, the closed openings alone may exceed the requested share."""
-SHARE_SNAP = 0.05  # Snap fraction for measuring cuts: the default of slicing.snap, whose section comes later.
+"""Factors on the approximate widths that decide where members are so close that their openings close. Smaller factors
+close fewer openings: with very different widths, the closed ones alone may exceed the requested share."""
+SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that measure shares.
 
 
 class WidthSearch(NamedTuple):
     """Options of the search for widths with which layers cover pattern.width.solid_fraction of the surface.
-    share     : returns the share of the surface that layers cover.
-    tolerance : accuracy of the share.    guess : width factor of a similar pattern, or 0.
-    counted   : a faster, less accurate function than `share`, for the beginning of the search.
-    added     : share that round corners add; stripes get the requested share minus this share."""
+    share     : function that returns the share of the surface that layers cover.
+    tolerance : largest error of the share.    guess : width factor of a similar pattern, or 0.
+    counted   : faster, less accurate function in place of `share`, for the beginning of the search.
+    added     : share that finishing will add, for example by rounded corners."""
 
     share: Callable[[Sequence[Layer]], float]
     tolerance: float
@@ -188,9 +188,9 @@ class WidthSearch(NamedTuple):
 
 @dataclass
 class _MeasuredShares:
-    """Function that measures by cuts which share of the surface layers cover.
+    """Function that cuts the surface along layers, and returns the share of it that they cover.
     reached : all measured shares.    layers, polygons : the latest layers, and the surface cut along them.
-    trial   : the latest finished cut."""
+    trial   : the latest cut with finishing."""
 
     preset: Preset
     given: StressedSurface
@@ -200,7 +200,7 @@ class _MeasuredShares:
     trial: TrialCut | None = None
 
     def __call__(self, layers: Sequence[Layer]) -> float:
-        self.forget()  # to free memory for the next cut
+        self.forget()  # frees memory for the next cut
         surface = self.given.surface
         fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
         self.polygons = tidied_polygons(surface, fields, levels, SHARE_SNAP, tidy_of(self.preset, self.given, layers))
@@ -212,12 +212,12 @@ class _MeasuredShares:
         return min(self.reached, key=lambda one: abs(one - target))
 
     def added(self, pattern: PatternResult) -> float:
-        """Finish the latest layers as a trial cut; return the share that finishing adds, mainly by round corners."""
+        """Finish the latest cut as a trial; return the share that finishing adds, mainly by rounded corners."""
         self.trial = trial_cut(self.preset, self.given.surface, pattern, self.polygons)
         return self.trial.added_area / self.given.surface.area if self.trial else 0.0
 
     def bridged(self) -> float:
-        """Add bridges and least widths to the latest trial cut; return the share that they add."""
+        """Add bridges and least widths to the latest trial; return the share that they add."""
         if self.trial is None:
             return 0.0
         self.trial, share = with_bridges(self.preset, self.given.surface, self.trial)
@@ -235,7 +235,7 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern. Kept regions come before stripes, because a layer does not cut earlier layers.
+    """Return the pattern. Kept regions are cut before stripes, because a layer does not cut earlier layers.
     preset  : preset with chosen modes and phases.    choice : choice of modes and phases, if they were `auto`.
     grading : (n, f) relative half-widths.    even : evenly spaced stripes; see `drawable_families`."""
     options, surface = preset.pattern, analysis.surface
@@ -282,18 +282,18 @@ def sketched_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern of `pattern_step` with approximate widths, from sample points instead of cuts."""
+    """Return the pattern of `pattern_step` with approximate widths: sample points give the shares, in place of cuts."""
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
-    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # the accuracy of sample points
+    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # about the error of sample points
     layers, factor = solved_layers(preset, surface, kept_layers, families, search)
     pattern = pattern_result(preset, families, layers)
     return replace(pattern, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, analysis, layers))
 
 
 def member_widths(preset: Preset, surface: Surface) -> Widths:
-    """Return the rule of [pattern.width], with default bounds if the preset sets none."""
+    """Return the rule of [pattern.width], with default limits of the widths if the preset sets none."""
     options = preset.pattern
     bounded = options.method == "stripes" and options.width.rule in ("graded", "stressed")
     return options.width.widths(np.sqrt(surface.area), least_width(preset, surface) if bounded else 0.0)
@@ -301,8 +301,8 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 def least_width(preset: Preset, surface: Surface) -> float:
     """Return the default least width (m) of evenly spaced members of varying width.
-    It is the thickness for graded members, and the least width of a workshop for stressed members. Without this limit
-    slicing would widen each member slowly, and take the material from members with larger forces."""
+    It is the thickness for graded members, and the least width of a workshop for stressed members. Without this limit,
+    slicing would have to widen members, slowly, with material that members with larger forces need."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -316,7 +316,7 @@ def _note_spacings(preset: Preset, families: Sequence[DrawableFamily], log: Log)
 
 
 def pattern_result(preset: Preset, families: Sequence[DrawableFamily], layers: Sequence[Layer]) -> PatternResult:
-    """Return the pattern of layers that are cut together, with the frequencies, modes and phases of its families."""
+    """Return the pattern of these layers, with the frequencies, modes and phases of its families."""
     options = preset.pattern
     names, fields, levels, half_widths, _ = zip(*layers, strict=True)
     stripes = {family.name: family.stripes for family in families}
@@ -333,7 +333,7 @@ def solved_layers(
     families: Sequence[DrawableFamily],
     search: WidthSearch,
 ) -> tuple[list[Layer], float]:
-    """Return kept layers and stripes with the requested share, and their width factor.
+    """Return kept layers and stripes that cover the requested share, and their width factor.
     Raises PatternError if no widths give the share."""
     width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow_stress else 1.0)
@@ -344,15 +344,15 @@ def solved_layers(
     share, tolerance, guess, counted, added = search
     if width.solid_fraction:
         requested = width.solid_fraction - added
-        slope = 0.85 * requested if guess else 0.0  # less than 1, because crossing members share an area
+        slope = 0.85 * requested if guess else 0.0  # 0.85, because members overlap at crossings
         if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
-            counted = counted_share(surface, kept_layers, COUNTED)  # rough widths decide which openings close
+            counted = counted_share(surface, kept_layers, COUNTED)  # approximate widths decide which openings close
         if counted is not None:
-            with suppress(PatternError):  # the final search raises a better error
+            with suppress(PatternError):  # the final search has a better error message
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), requested, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
         jump = width.solid_fraction_tolerance
-        if preset.pattern.families != "both":  # a member with a loose end vanishes as a whole
+        if preset.pattern.families != "both":  # a loose member vanishes as a whole
             spacing = preset.pattern.drawn_families[0].distance(surface.area, surface.mean_edge)
             jump = max(jump, width.solid_fraction * spacing / float(np.sqrt(surface.area)))
 
@@ -369,13 +369,13 @@ def _layers_with_share(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """Return layers with a requested share, and their width factor. The given `factor` decides which openings close.
+    """Return layers that cover the requested share, and their width factor. `factor` decides which openings close.
 
-    solve : takes a function from x to the share at x times `factor`; returns the x of the requested share.
+    solve : function that finds the x of the requested share. It gets a function that returns the share at x * `factor`.
 
-    The search repeats with slightly more or fewer closed openings in two cases: if a closing opening makes the share
-    jump, and if the final widths are over 2.5 times off `factor`. Many closed openings with thin stripes have the same
-    share as few closed openings with thick stripes."""
+    The search repeats with slightly more or fewer closed openings in two cases: if an opening that closes makes the
+    share jump, and if the final width factor is over 2.5 times larger or smaller than `factor`. Many closed openings
+    with thin stripes can have the same share as few with thick stripes."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)
@@ -398,7 +398,7 @@ def _layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Layers at multiples of a factor; the latest layers are cached."""
+    """Layers for multiples of a width factor; the latest layers are stored."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -406,7 +406,7 @@ class _CachedLayers:
     last: tuple[float, list[Layer]] = (-1.0, [])
 
     def layers_at(self, relative: float) -> list[Layer]:
-        """Return the layers whose widths are `relative` times the widths at the factor."""
+        """Return the layers for the width factor `relative` times `factor`."""
         if self.last[0] != relative:
             self.last = relative, self.layers(self.factor * relative, self.closing)
         return self.last[1]
@@ -422,7 +422,7 @@ def drawable_families(
     """Return the families of stripes: major stripes along the first principal stress, minor stripes along the second.
 
     radius  : distance (m) over which slopes are averaged, see `Widths.radius`.
-    grading : (n, f) relative half-widths for the rule `stressed`; by default those of the rule `graded`.
+    grading : (n, f) relative half-widths for the rule `stressed`; default: those of the rule `graded`.
     even    : evenly spaced stripes; None for stripes on modes.
 
     Raises PatternError for a mode that was not computed."""
@@ -452,7 +452,7 @@ def drawable_families(
 
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
-    """Return the size of the stress (n, 2) along each family, divided by the mean of both families, for graded widths.
+    """Return the size of the stress (n, 2) along each family, divided by the mean of both, for graded widths.
     Raises PatternError if the stress is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:

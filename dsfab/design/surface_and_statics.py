@@ -1,4 +1,4 @@
-"""The first two stages: the surface, read or remeshed, and the statics of the uncut sheet."""
+"""Stages 1 and 2: the surface, which is read or meshed, and the statics of the uncut sheet."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -44,12 +44,12 @@ from dsfab.surface import SizeField, Surface, change_sizes, coincident, parallel
 
 @dataclass(frozen=True, eq=False)
 class SolvedSheet:
-    """Solution of the loadings of a preset: one factorisation for all cases; combinations are sums.
+    """Solution of a sheet for all loads, by one factorisation for all cases. Combinations are sums of solved cases.
 
-    plane     : True if the sheet was solved in its plane, without bending.
+    acting    : the cases and combinations.         plane : True for a flat sheet in its plane, without bending.
     made      : (N, N) stiffness, N/m, by the elements that solved the sheet.
-    factor_of : makes the factor, and caches it for repeated use.
-    answers   : equilibrium under each loading.    sigma : (m, 3, 3) middle-surface stress (Pa) for each loading."""
+    factor_of : function that factorises a stiffness, and stores the factor.
+    answers   : equilibrium under each load.    sigma : (m, 3, 3) stress (Pa) of the middle surface under each load."""
 
     acting: Sequence[Loading]
     plane: bool
@@ -60,7 +60,7 @@ class SolvedSheet:
 
 
 def solved_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
-    """Solve the sheet of [statics] under its loads, or under `acting`. Raises StaticsError for mechanisms."""
+    """Solve the uncut sheet under the preset's loads, or under `acting`. Raises StaticsError for a mechanism."""
     sheet = preset.statics
     log.report("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
     acting = acting or loadings(preset, surface)
@@ -79,7 +79,7 @@ def solved_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Lo
 
 
 def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
-    """Return `factor_of`, which then also adds its seconds to the timing row `factor`."""
+    """Return `factor_of` with time measurement: it adds its time to the row `factor` of the log."""
 
     def factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
         with log.row("factor"):
@@ -89,14 +89,14 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 
 MOST_VERTICES = 200_000
-"""Largest number of vertices for which accurate elements replace hinges.
-At 250,000 vertices, their factor takes 17 GB (hinges: 3.6 GB) and four times the time of all other stages. A design
-with a million vertices, which needs 16 GB with hinges, would never finish."""
+"""Largest number of vertices for which accurate elements replace `hinge` elements.
+With 250,000 vertices, their factorisation takes 17 GB (`hinge`: 3.6 GB) and four times as long as all other stages.
+With a million vertices, for which `hinge` needs 16 GB, it would never end."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
-    """Return stress, energy, frequencies and buckling of a solved sheet, under each loading.
-    rough : True for stress and energy only, by the elements that solved the sheet."""
+    """Return stress, energy, frequencies and buckling of a solved sheet, for each case and combination.
+    rough : True for only stress and energy, by the elements that solved the sheet."""
     sheet = preset.statics
     model, matrices = sheet.sheet().model_for(surface), dict(solved.made)
 
@@ -176,13 +176,13 @@ def _note_case_answers(under: str, answers: Answers, sheet: Statics, log: Log) -
         )
 
 
-BENDING_SHARE = 0.5  # Least share of bending in the strain energy for which statics.stress = "auto" means layers.
+BENDING_SHARE = 0.5  # With a larger share of bending in the energy, statics.stress = "auto" means "layers".
 
 
 class FollowedStress(NamedTuple):
-    """Stress (m, 3, 3), Pa, that the pattern follows under each loading, and a note for the user, or ''.
-    sigma   : stress of the middle surface, or of the lower side of a slab.
-    layered : stress of all layers, if the pattern follows all layers; else None."""
+    """Stress (m, 3, 3), Pa, that the pattern follows in each case and combination, and a note for the user, or ''.
+    sigma   : stress in the middle of the thickness, or at the lower side of a slab.
+    layered : stress of all layers of the thickness, if the pattern follows them; else None."""
 
     sigma: Sequence[Floats]
     layered: Sequence[Floats] | None = None
@@ -193,7 +193,7 @@ def followed_layers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers], sigma: Sequence[Floats]
 ) -> FollowedStress:
     """Return the stress that statics.stress selects, for a sheet that was solved with bending.
-    sigma : (m, 3, 3) stress of the middle surface (Pa), for each loading.
+    sigma : (m, 3, 3) stress in the middle of the thickness (Pa), for each case and combination.
     Raises StaticsError if elements with reliable moments cannot solve the sheet."""
     option = preset.statics.stress
     if is_slab(surface, answers):
@@ -216,8 +216,8 @@ def followed_layers(
 
 
 def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]) -> float:
-    """Return the share of bending in the strain energy under the followed loads, 0 to 1; 0 without energy.
-    With `hinge` elements the share is rough (see `hinge_energy`)."""
+    """Return the share of bending in the strain energy under the loads that the pattern follows, 0 to 1.
+    With `hinge` elements it is only approximate (see `hinge_energy`)."""
     weights = [preset.followed_weights.get(loading.name, 0.0) for loading in acting]
     bent = sum(w * float(a.stress.bending_energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
     total = sum(w * float(a.stress.energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
@@ -225,7 +225,7 @@ def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], a
 
 
 def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
-    """Return True if the surface is flat, and its middle surface is almost free of stress under all loadings."""
+    """Return True if the surface is flat, and the middle of its thickness is almost without stress under all loads."""
     stresses = [answer.stress for answer in answers]
     membrane, bending = [s.membrane for s in stresses], [s.bending for s in stresses]
     return surface.is_flat and only_bends(np.stack(membrane), np.stack(bending))
@@ -234,7 +234,7 @@ def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
 def _moment_stresses(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
-    """Return the stress under each loading, from a second solution if hinge elements solved the sheet."""
+    """Return the stress in each case and combination. If `hinge` elements solved the sheet, solve it again."""
     if answers[0].elements.bending != "hinge":
         return [answer.stress for answer in answers]
     model = preset.statics.sheet().model_for(surface)
@@ -262,8 +262,8 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
-"""Range of a surface's size divided by its thickness; dsfab refuses other values, because units are wrong."""
-USUAL_SLENDERNESS = (10.0, 5e3)  # Usual range of the size divided by the thickness; a note reports values outside.
+"""Range of the surface's size divided by the thickness. Other values raise an error: a unit must be wrong."""
+USUAL_SLENDERNESS = (10.0, 5e3)  # Range of the same ratio outside of which there is a note.
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
@@ -272,7 +272,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
-        is_python_mesh = isinstance(preset.surface, MeshSurface)  # without the key surface.unit
+        is_python_mesh = isinstance(preset.surface, MeshSurface)  # it has no key surface.unit
         python_unit, file_unit = 'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,', "surface.unit (mm, m, ...)"
         unit = python_unit if is_python_mesh else file_unit
         raise SurfaceError(f"{message}, which is impossible; check {unit} and statics.thickness (metres)")
@@ -285,7 +285,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
 
 
 def checked_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
-    """Return `solved_sheet` after checks of scale and points. Raises SurfaceError for an impossible scale."""
+    """Return `solved_sheet`, after checks of sizes and points. Raises SurfaceError if the thickness cannot be right."""
     check_scale(preset, surface, log)
     for text in off_surface(preset, surface):
         log.note("statics", text)
@@ -310,13 +310,13 @@ def statics_step(
 
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
     """Return the statics without accurate elements, for a sketch.
-    None if the design uses no accurate elements, or if the stress that the pattern follows may depend on them."""
+    Return None if no accurate elements are used, or if the stress that the pattern follows may depend on them."""
     sheet = preset.statics
     if sheet.analyses.elements_for(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
     if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDING_SHARE / 2:
-        return None  # the share is rough, so half of the limit counts
+        return None  # the share is only approximate, so half of the limit is used
     return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 
@@ -348,7 +348,7 @@ def _statics_result(
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
-    """Return the surface (m), cut along the outlines of regions, the result of stage 1."""
+    """Return the surface in metres, cut along the outlines of regions: the result of stage 1."""
     with log.stage("surface", "reading the mesh" if hasattr(preset.surface, "file") else "making the shape"):
         surface = base_surface(preset, log)
         if preset.pattern.region:
@@ -365,7 +365,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
 
 def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     """Return the surface before it is cut along regions.
-    If [surface] requests it, edges are shorter where the stress changes, by statics on a mesh of even triangles."""
+    If [surface] requests it, edges are shorter where the stress changes, which a solve on equal triangles shows."""
     section = preset.surface
     if not isinstance(section, OwnSurface):
         return section.build()

@@ -26,7 +26,7 @@ LISTED: dict[Any, Any] = {"support": Support, "combination": Combination, "guide
 
 
 def mistakes(error: ValidationError, model: type[BaseModel]) -> str:
-    """Return all mistakes that pydantic reports for a preset or a section, each once."""
+    """Return all mistakes in a preset or a section as sentences, from pydantic's error; each mistake once."""
     return "; ".join(dict.fromkeys(_sentence(detail, model) for detail in error.errors()))
 
 
@@ -98,7 +98,7 @@ def _known_beside(loc: tuple[int | str, ...], model: Any) -> list[str]:
             model = field.annotation
     if dataclasses.is_dataclass(model):
         return [field.name for field in dataclasses.fields(model)]
-    return list(getattr(model, "model_fields", ()))  # a union without a valid tag has no keys
+    return list(getattr(model, "model_fields", ()))  # a table whose kind is unknown has no keys
 
 
 def _by_stated_tag(union: Any) -> dict[str, Any]:
@@ -106,15 +106,15 @@ def _by_stated_tag(union: Any) -> dict[str, Any]:
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
-    """Return True if the pattern follows a sum of stress magnitudes, not the stress of one case or combination."""
+    """Return True if the pattern follows a sum of stresses, False for the stress of one case or combination."""
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
 def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the weight of each case or combination whose stress the pattern follows, by name, without zero weights.
-    The default weight is 1. `combined_names` lists the names in a sum."""
+    """Return the weights of the cases or combinations whose stress the pattern follows, by name, without zeros.
+    The default weight is 1. If the pattern follows a sum, `combined_names` gives the names."""
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
@@ -122,15 +122,15 @@ def follow_weights(
 
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
-    """Return the cases or combinations whose stresses a combined pattern adds.
-    These are all combinations except for displacements (SLS), else all combinations, else all cases."""
+    """Return the cases or combinations whose stresses are added for a combined pattern: all combinations that are not
+    for displacements (SLS); if there are none, all combinations; without combinations, all cases."""
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the cases and combinations to check in a limit state.
-    These are the names with this state; if there are none, the names without a state; else all names."""
+    """Return the cases and combinations to check in a limit state: those with this state; if there are none, those
+    without a state; if there are none either, all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):
@@ -188,17 +188,17 @@ def _no_such(what: str, name: str, existing: Iterable[str]) -> str:
 
 
 SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
-"""Least modulus of a sheet (Pa), least density (kg/m3) and least strength (Pa) of a solid material."""
+"""Smallest accepted modulus (Pa), density (kg/m3) and strength (Pa) of a material."""
 
 
 def with_material(values: Any) -> Any:
-    """Fill missing keys of the table [statics] with values of its material, if the material is known."""
+    """Return the table [statics] with its material's values for keys that it does not set, if the material is known."""
     name = values.get("material") if isinstance(values, Mapping) else None
     if not isinstance(name, str):
         return values
     try:
         return {**material_named(name).values, **values}
-    except PresetError:  # `known_name` reports this mistake together with all others of the preset
+    except PresetError:  # `known_name` reports it later, with all other mistakes
         return values
 
 
@@ -211,20 +211,20 @@ def known_name(name: str | None) -> str | None:
 
 
 def own_values(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the material keys of a complete [statics] whose values differ from those of its material."""
+    """Return the values in a complete [statics] that differ from those of its material, by key."""
     material_values = MATERIALS[values["material"]].values if values.get("material") else {}
     return {key: values[key] for key in KEYS if values[key] != material_values.get(key)}
 
 
 def drop_material_values(values: Any, changes: Mapping[str, Any]) -> None:
-    """Remove the old material's values from the table [statics] if `changes` (dotted keys) name a new material."""
+    """Remove the old material's values from the table [statics] if `changes` (by dotted key) set a new material."""
     if "statics.material" in changes and isinstance(values, dict):
         for key in KEYS:
             if f"statics.{key}" not in changes:
                 values.pop(key, None)
 
 
-AUTO_THICKNESS = float("inf")  # Value of `statics.thickness = "auto"`: sizing chooses the thickness.
+AUTO_THICKNESS = float("inf")  # Stands for `statics.thickness = "auto"`: sizing chooses the thickness.
 
 
 def thickness_or_auto(value: Any, check: Callable[[Any], float]) -> float:
@@ -245,7 +245,7 @@ def auto_or_metres(thickness: float) -> float | str:
 
 
 def modulus(value: float) -> float:
-    """Return the modulus (Pa); raises ValueError for a value that must be in GPa or MPa."""
+    """Return the modulus (Pa). Raises ValueError if the value is so small that it must be in GPa or MPa."""
     if 0 < value < 1000:
         raise ValueError(f"{value:g} Pa is too small for a stiffness; write {value:g}e9 for {value:g} GPa")
     if 0 < value < SOFTEST:
@@ -254,7 +254,7 @@ def modulus(value: float) -> float:
 
 
 def specific_mass(value: float) -> float:
-    """Return the density (kg/m3), 0 for no weight; raises ValueError for a value that must be in t/m3 or g/cm3."""
+    """Return the density (kg/m3), 0 for no weight. Raises ValueError if it is so small that it must be in t/m3."""
     if 0 < value < LIGHTEST:
         raise ValueError(
             f"{value:g} kg/m3 is too little for a solid; write {1000 * value:g} for {value:g} t/m3 or g/cm3"
@@ -263,13 +263,13 @@ def specific_mass(value: float) -> float:
 
 
 def resistance(value: float) -> float:
-    """Return the strength (Pa), 0 for no comparison; raises ValueError for a value that must be in MPa."""
+    """Return the strength (Pa), 0 if unknown. Raises ValueError if the value is so small that it must be in MPa."""
     if 0 < value < WEAKEST:
         raise ValueError(f"{value:g} Pa is too small for a strength; write {value:g}e6 for {value:g} MPa")
     return value
 
 
 def require_strength(material: str | None, strength: float) -> None:
-    """Raise PresetError without a material and without a strength."""
+    """Raise PresetError if there is neither a material nor a strength."""
     if not material and not strength:
         raise PresetError(NO_STRENGTH)

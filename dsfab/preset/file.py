@@ -49,10 +49,10 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return the preset with new values at dotted keys. Raises PresetError as `load_preset`, or without a preset."""
+    """Return the preset with new values at dotted keys. Raises PresetError as `load_preset`, or for no preset."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
-    touched = {key.partition(".")[0] for key in changes}  # unchanged sections need no checks
+    touched = {key.partition(".")[0] for key in changes}  # other sections need no checks
     values = preset.model_dump(mode="json", exclude_none=True, include=touched)
     _override_all(values, changes)
     unchanged = {name: getattr(preset, name) for name in Preset.model_fields if name not in touched}
@@ -79,7 +79,7 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 
 def require_mesh(preset: Preset) -> None:
-    """Raise PresetError for a shipped preset that needs the user's mesh; the message is for the command line."""
+    """Raise PresetError, with a hint for the command line, if a shipped preset needs the user's mesh."""
     if isinstance(surface := preset.surface, FileSurface) and surface.waits:
         raise PresetError(
             f"preset {preset.name} needs your mesh: add --mesh FILE, and --unit mm if the file is in millimetres"
@@ -87,9 +87,9 @@ def require_mesh(preset: Preset) -> None:
 
 
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
-    """Return the complete preset, defaults included, as TOML that builds the same design again.
+    """Return the complete preset with all defaults as TOML, which builds the same design again.
     A material is written by its name, with the values that differ from those of the material.
-    for_people : True to write the size of a mesh from Python in place of its numbers."""
+    for_people : True to write only the size of a mesh from Python, not its numbers."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
         values["surface"]["mesh"] = f"given in Python: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"
@@ -99,13 +99,13 @@ def preset_toml(preset: Preset, for_people: bool = False) -> str:
     surface = values["surface"]
     for key in ("support", "load"):
         surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
-    # shape keys come before supports and loads
+    # the shape's keys come before supports and loads
     values["surface"] = {**{k: v for k, v in surface.items() if k not in SurfaceSection.model_fields}, **surface}
     return _short_lists(tomli_w.dumps(values))
 
 
 def preset_from_toml(text: str) -> Preset:
-    """Return the preset of a text of `preset_toml`."""
+    """Return the preset from a text that `preset_toml` has written."""
     return preset_from(toml_table(text))
 
 
@@ -113,7 +113,7 @@ def _read_only(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(values)
 
 
-# pickle alone finds neither the classes that dsfab makes at import nor the type of a read-only mapping
+# without this, pickle finds neither the classes that dsfab makes at import nor the type of a read-only mapping
 copyreg.pickle(Preset, lambda preset: (preset_from_toml, (preset_toml(preset),)))
 copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 
@@ -146,16 +146,16 @@ def _find(name_or_path: str | Path) -> Path:
 
 def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
     old_surface = values.get("surface", {})
-    section = OwnSurface if "file" in old_surface else SurfaceSection  # procedural shapes have no key `edge`
+    section = OwnSurface if "file" in old_surface else SurfaceSection  # other shapes have no key `edge`
     new_surface = {key: old_surface[key] for key in (*section.model_fields, "unit") if key in old_surface}
     values["surface"] = {**new_surface, "file": str(mesh)}
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys, and remove the old values that the new keys exclude."""
+    """Set dotted keys. Remove old values that exclude the new ones, such as a frequency beside a new spacing."""
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
-        _override(values, key, deepcopy(value))  # a later key must not change `changes`
+        _override(values, key, deepcopy(value))  # a later key must not change the values in `changes`
     for family in ("pattern.major", "pattern.minor"):
         for key, excluded in (("frequency", "spacing"), ("spacing", "frequency")):
             if changes.get(f"{family}.{key}") and f"{family}.{excluded}" not in changes:

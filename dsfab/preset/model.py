@@ -62,7 +62,7 @@ class Statics(Section):
     """[statics]: the sheet's material, thickness and elements."""
 
     thickness: Annotated[float, Gt(0), WrapValidator(thickness_or_auto), PlainSerializer(auto_or_metres)]
-    """Thickness of the sheet and of the solid, metres. auto: the least thickness that meets the targets of [sizing]."""
+    """Thickness of the sheet and of the solid, metres. auto: the thinnest that meets the targets of [sizing]."""
     material: Annotated[str | None, AfterValidator(known_name)] = None
     """S235, GL24h, ... (see `dsfab materials`): gives default values of young, poisson, density and strength."""
     young: Annotated[float, Gt(0), AfterValidator(modulus)] = 210e9
@@ -75,20 +75,20 @@ class Statics(Section):
     membrane: Membrane = "constant"
     """Membrane elements: constant strain (the paper); quadratic or hybrid, accurate for slender parts but slower."""
     bending: Bending = "hinge"
-    """Bending elements: hinge (the paper; for directions), midedge (converges to the plate), hhj (most accurate)."""
+    """Bending elements: hinge (the paper; for directions), midedge (converges to plate theory), hhj (the best)."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
-    """Stress that the pattern follows. membrane: stress of the middle surface (the paper). If a flat sheet only bends,
-    the pattern follows the stress of its lower side. layers: stress of all layers, with bending. auto: layers if
+    """Stress that the pattern follows. membrane: stress in the middle of the thickness (the paper); but in a flat sheet
+    that only bends, the stress at its lower side. layers: stress of the whole thickness, with bending. auto: layers if
     bending stores at least half of the strain energy, else membrane."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
-    """Strength (Pa) to compare with the largest stress, 235e6 for steel S235. 0: no comparison."""
+    """Strength (Pa), with which the largest stress is compared: 235e6 for steel S235. 0: no comparison."""
     frequencies: Annotated[int, Ge(0), Le(10)] = 0
     """Number of natural frequencies of the uncut sheet to compute."""
     buckling: Annotated[int, Ge(0), Le(10)] = 0
-    """Number of buckling load factors of the uncut sheet to compute."""
+    """Number of buckling factors of the uncut sheet to compute."""
     check: bool = True
-    """Refuse a doubtful sheet before the cut: a sheet that moves by over a tenth of its span, stands on one vertex, or
-    has a support or load at a point far off the surface. false: only report the doubt."""
+    """Refuse a sheet that moves by over a tenth of its span or stands on one vertex, and a support or load far from the
+    surface. false: only report this."""
 
     _named = model_validator(mode="before")(with_material)
 
@@ -119,7 +119,7 @@ class Statics(Section):
 
     @property
     def material_words(self) -> str:
-        """Name of the material, such as 'GL24h', or 'GL24h, but for density' if the density differs, or ''."""
+        """Name of the material, such as 'GL24h', or 'GL24h, but for density' if that is different; '' if unknown."""
         own_keys = own_values(dict(self))
         return f"{self.material}, but for {', '.join(own_keys)}" if self.material and own_keys else self.material or ""
 
@@ -139,7 +139,7 @@ class Statics(Section):
 
     @property
     def analyses(self) -> ResultRequest:
-        """Requested strength check, natural frequencies and buckling load factors."""
+        """Requested results: strength check, natural frequencies and buckling factors."""
         return ResultRequest(self.strength, self.frequencies, self.buckling)
 
 
@@ -147,20 +147,20 @@ class Diffusion(Section):
     """[diffusion]: anisotropic diffusion that follows the stress, and its eigenmodes."""
 
     r: Annotated[float, Ge(1), Le(1e4)] = 100.0
-    """Anisotropy ratio: 1 ignores the stress, 10 to 100 follow the stress."""
+    """Anisotropy ratio: with 1 the modes ignore the stress, with 10 to 100 they follow it."""
     gamma: Annotated[float, Gt(0)] = 1.0
-    """Factor on the loads before the isotropic faces are found (the paper's force magnitude)."""
+    """Factor on the loads (the paper's force magnitude); it only decides which faces count as isotropic."""
     labelling: Labelling = "signed"
-    """signed: major stripes follow the more tensile stress; magnitude: the stress of larger magnitude (the paper)."""
+    """Stress that major stripes follow. signed: the more tensile one; magnitude: the larger one (the paper)."""
     isotropy: Annotated[float, Ge(0), Lt(1)] = ISOTROPY
-    """Largest difference of the principal stresses, divided by their root mean square, at which a face is isotropic."""
+    """A face is isotropic if its principal stresses differ by at most this fraction of their root mean square."""
     modes: Annotated[int, Ge(1), Le(50)] = 5
     """Number of eigenmodes for each family."""
     follow: str | None = None
-    """Name of the case or combination that the pattern follows, or combined: the sum of the stress magnitudes of all
-    cases or combinations. The default is combined for several cases."""
+    """Name of the case or combination that the pattern follows, or combined: the sum of the absolute stresses of all
+    cases or combinations. Default: combined if there are several cases."""
     weights: dict[str, float] = Field(default_factory=dict)
-    """Weight of each combination in the combined sum, or of each case without combinations; default 1."""
+    """Weight of each combination in the combined sum, or of each case if there are no combinations; default 1."""
     symmetry: tuple[str, ...] = ()
     """Required symmetry of the pattern about its centre: x, y or z for a mirror, rot:6:z for turns by 60 degrees."""
 
@@ -178,7 +178,7 @@ def _number_or_word(value: Any) -> str:
     return "auto" if isinstance(value, str) else "number"
 
 
-AUTO: Literal["auto"] = "auto"  # Value of a key for which dsfab chooses the mode, the phase or the least width.
+AUTO: Literal["auto"] = "auto"  # Value of a mode, phase or smallest width that dsfab chooses.
 Mode = Annotated[
     Annotated[int, Ge(1), Le(50), Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
     Discriminator(_number_or_word),
@@ -204,15 +204,15 @@ class Family(Section):
     mode: Mode = 1
     """Number of the eigenmode; mode 1 is the first that is not constant. auto: the stiffest of the first four."""
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
-    """Stripes per unit of the mode; a mode has 0.5 to 3 units from end to end. 0: `spacing` replaces the frequency.
+    """Stripes per unit of the mode, whose values span 0.5 to 3 units. 0: `spacing` is used in place of the frequency.
     Evenly spaced stripes have no frequency."""
     spacing: Annotated[float, Ge(0)] = 0.0
-    """Mean distance (m) between the centre lines of stripes. 0: `frequency` replaces the spacing. Default for
-    evenly spaced stripes: a twelfth of the root of the surface's area, but at least the edge length of its mesh."""
+    """Mean distance (m) between the centre lines of stripes. 0: `frequency` is used in its place; evenly spaced stripes
+    then have a twelfth of the root of the surface's area, but at least the mean edge length of the mesh."""
     phase: Phase = 0.0
     """Shift of the stripes, in periods. auto: the stiffest of several phases."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
-    """Height at which the wave is cut: at -1 all is material, at 0 half, at 1 nothing."""
+    """Height at which the wave is cut: with -1 all is material, with 0 half, with 1 nothing."""
 
     @model_validator(mode="before")
     @classmethod
@@ -241,7 +241,7 @@ class Family(Section):
 
     @property
     def stripes(self) -> Stripes:
-        """Stripes of the family. With `spacing` alone, the frequency is 1 until the mode is known."""
+        """Stripes of the family. With a spacing, the frequency is 1 until the mode is known."""
         return Stripes(self.frequency or 1.0, self.shift, self.threshold)
 
 
@@ -250,25 +250,25 @@ class Width(Section):
 
     rule: Rule = "plain"
     """plain: widths follow the thresholds (the paper). constant: equal widths in metres. graded: wider where the stress
-    is larger. stressed (stiffest, slowest): cut, solved and widened repeatedly where the energy is largest."""
+    is larger. stressed (stiffest, slowest): cut and solved repeatedly, and widened where the energy is largest."""
     member: Annotated[float, Ge(0)] = 0.0
-    """Width of the members for rule constant, metres. 0: dsfab computes the width from solid_fraction."""
+    """Width of the members for rule constant, metres. 0: solid_fraction gives the width."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
     """Exponent: the share of material grows with this power of the stress. For rule stressed: the starting value."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
-    """Number of cuts and solutions for rule stressed."""
+    """How often the sheet is cut and solved for rule stressed."""
     min_width: LeastWidth = AUTO
-    """Least width of members, metres. 0: no limit. auto for evenly spaced members with rule graded: the thickness, or
-    half of the constant width if that is less. auto for rule stressed: the same, but half of the thickness with
-    pattern.workshop. auto for all other rules: no limit."""
+    """Smallest width of members, metres. 0: no limit. auto for evenly spaced members with rule graded: the thickness,
+    or half of the width that equal members would have if that is less. auto for rule stressed: the same, but with
+    pattern.workshop half of the thickness. auto for all other rules: no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Least gap between two stripes of a family, metres; narrower gaps become material. 0: no limit."""
+    """Smallest gap between two stripes of a family, metres; narrower gaps become material. 0: no limit."""
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
     """Share of the surface that stays material, with keep and rim; dsfab scales the widths to it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
-    """Largest error of solid_fraction if the share jumps because member ends appear or vanish; a note reports it."""
+    """Largest error of solid_fraction if the share jumps because ends of members appear or vanish; a note states it."""
 
     @model_validator(mode="after")
     def _check_widths(self) -> "Width":
@@ -280,12 +280,12 @@ class Width(Section):
 
     @property
     def asked_least(self) -> float:
-        """Requested least width of members, metres; 0 for auto."""
+        """Requested smallest width of members, metres; 0 for auto."""
         return 0.0 if self.min_width == AUTO else self.min_width
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
-        """Return the width rule. If only `solid_fraction` defines the width, the width is 1 % of `length` (m) at first.
-        least : least width (m) if `min_width` is auto; `max_width` limits it."""
+        """Return the width rule. If only `solid_fraction` defines the width, it begins with 1 % of `length` (m).
+        least : smallest width (m) if `min_width` is auto; it is reduced to `max_width` if larger."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
         low = min(least, self.max_width or least) if self.min_width == AUTO else self.min_width
@@ -301,7 +301,7 @@ def _with_curves(thing: Any) -> Any:
 Method = Literal["modes", "stripes", "auto"]
 FAMILIES = ("major", "minor")  # Names of the families of stripes.
 FILLET = 0.55
-"""Least radius of round corners divided by the thickness; more than half, because chords replace the arcs."""
+"""Smallest radius of round corners, divided by the thickness. It is above one half, because the arcs are polygons."""
 STRIPES_ACROSS = 12  # Default number of evenly spaced stripes across a square surface.
 
 
@@ -310,24 +310,24 @@ class Pattern(Section):
 
     method: Method = "modes"
     """modes: stripes on eigenmodes (the paper). stripes: evenly spaced stripes along the stress. auto: the stiffest
-    pattern without dead ends and slits. auto compares both methods, with and without halving. For constant or graded
-    widths it compares both rules, and q with half of q. For stressed widths it compares the best design of each method.
-    If the preset sets no spacing, auto also compares several spacings."""
+    pattern without dead ends and slits. auto compares both methods, with and without halving. For the width rules
+    constant and graded it compares both, and graded also with half of q. For the rule stressed it compares the best
+    design of each method. If the preset sets no spacing, auto also compares several spacings."""
     halve: bool = True
-    """For stripes: end every second stripe on a crossing member where stripes crowd. false: no stripe ends there."""
+    """For stripes: where they come too close together, every second one ends on a crossing member. false: none ends."""
     families: Literal["both", "major", "minor"] = "both"
-    """Families of stripes. A single family has no crossings and no halving; rim and keep connect its members."""
+    """Families of stripes. A single family has no crossings and no halving; only rim and keep connect its members."""
     symmetry: Literal["auto", "none"] = "auto"
-    """For stripes: use the mirrors and rotations that surface, supports and loads share, or none."""
+    """For stripes. auto: the pattern has the symmetry of surface, supports and loads. none: it need not have it."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
-    """For stripes: angle of both families to the stress, degrees, counter-clockwise seen from the side of the normals
-    (from outside for a closed surface); 90 swaps the families."""
+    """For stripes: angle (degrees) from the stress to both families, counter-clockwise as seen from the side of the
+    normals, or from outside of a closed surface. 90 exchanges the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
-    """For stripes: forces that set direction and grading. uncut: forces of the uncut sheet. optimal: forces of the
-    stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs and edges."""
+    """For stripes: forces that give directions and graded widths. uncut: forces in the uncut sheet. optimal: forces in
+    the stiffest sheet of varying thickness with as much material (solid_fraction), for stiffer flat designs."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
-    """For stripes: number of repeated searches for directions, with the weight of the stripes if weight is most of the
-    load. 0: a single search, with the weight of the uncut sheet."""
+    """For stripes: how often the directions are computed again, with only the weight of the stripes; for designs whose
+    weight is most of the load. 0: only once, with the weight of the uncut sheet."""
     guide: tuple[Guide, ...] = ()
     """For stripes: curves and regions that set their direction."""
     region: tuple[PatternRegion, ...] = ()
@@ -336,20 +336,20 @@ class Pattern(Section):
     minor: Family = Family()
     width: Width = Width()
     tidy: bool | None = None
-    """Remove dead ends of stripes back to their last crossing, and fill openings narrower than the members beside them.
-    Default: true for evenly spaced stripes, false on modes (the paper)."""
+    """Remove dead ends as far as the last crossing, and fill openings that are narrower than the members beside them.
+    Default: true for evenly spaced stripes, false for stripes on modes (the paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Distance (m) around loads and supports within which the surface stays material; 0: none."""
     rim: Annotated[float, Ge(0)] = 0.0
     """Width (m) of the band of material along the boundary; 0: none."""
     fillet: Annotated[float, Ge(0)] = 0.0
-    """Radius (m) of the corners of openings, smaller where space is short. 0: sharp corners."""
+    """Radius (m) of the corners of openings, smaller where there is no space for it. 0: sharp corners."""
     crowding: Literal["note", "avoid"] = "note"
-    """For stripes: action if neighbouring openings would be filled because stripes crowd. note: print a note. avoid:
-    also try a larger keep, a larger spacing, one family and rotate = 45, and take the best pattern."""
+    """For stripes: reaction if neighbouring openings would be filled because stripes are too close. note: print a note.
+    avoid: also try a larger keep, a larger spacing, one family and rotate = 45, and take the best pattern."""
     workshop: bool | None = None
-    """Close openings, fill tips and widen members below the workshop's limits, slicing.min_gap and slicing.min_member.
-    Default: true for evenly spaced stripes, unless their widths are stressed; false on modes."""
+    """Close narrow openings and their tips, and widen narrow members; the limits are slicing.min_gap and min_member.
+    Default: true for evenly spaced stripes without width rule stressed, false for all others."""
 
     @model_validator(mode="before")
     @classmethod
@@ -385,17 +385,17 @@ class Pattern(Section):
 
     @property
     def drawn_regions(self) -> int:
-        """Number of solid regions and bands; each is a layer, before all other layers."""
+        """Number of solid regions and bands. Each is a layer of the cut; these layers come first."""
         return len(self.region) - len(self.voids)
 
     @property
     def rounds(self) -> int:
-        """Number of repeated searches for directions: `weight_rounds` for method stripes, else 0."""
+        """How often directions are computed again: `weight_rounds` for method stripes, else 0."""
         return self.weight_rounds if self.method == "stripes" else 0
 
     @property
     def is_steered(self) -> bool:
-        """True if guides or a rotation turn stripes away from the direction of the stress."""
+        """True if guides or a rotation change the direction of stripes from that of the stress."""
         return bool(self.rotate or self.guide)
 
     @property
@@ -409,7 +409,7 @@ class Pattern(Section):
 
     @property
     def may_halve(self) -> bool:
-        """True if stripes may end on members of the other family where they crowd."""
+        """True if stripes that come too close together may end on members of the other family."""
         return self.halve and self.families == "both"
 
     @property
@@ -418,7 +418,7 @@ class Pattern(Section):
 
     @property
     def for_workshop(self) -> bool:
-        """True if members and openings keep the workshop's limits."""
+        """True if narrow members and openings are changed to the workshop's limits."""
         return self.method == "stripes" and self.width.rule != "stressed" if self.workshop is None else self.workshop
 
     @property
@@ -431,53 +431,53 @@ class Slicing(Section):
     """[slicing]: cut of the surface along the stripes into a sheet with openings."""
 
     snap: Annotated[float, Ge(0), Le(0.3)] = 0.05
-    """Cuts nearer to a vertex than this share of an edge go through the vertex, which avoids sliver triangles."""
+    """A cut nearer to a vertex than this fraction of an edge goes through the vertex, to avoid thin triangles."""
     pinch: Literal["join", "split"] = "join"
-    """Treatment of material that would meet in a single point. join: add a small disc. split: separate the material."""
+    """Treatment of places where material would only touch at a point. join: add a small disc. split: separate it."""
     min_opening: Annotated[float, Ge(0)] | None = None
     """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default on modes: 0.
-    Default between evenly spaced stripes: 15 % of their spacing, for tidied stripes at most the thickness. Openings
-    under 35 % of the usual size are filled, too."""
+    Default between evenly spaced stripes: 15 % of their spacing, for tidied stripes at most the thickness; then
+    openings under 35 % of the usual size are filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
-    """Least width of openings with pattern.workshop, metres. Narrower openings are bridged; narrower tips are
+    """Smallest width of openings with pattern.workshop, metres. Narrower openings are bridged, and narrower tips
     filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
-    """Least width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop the limit
-    applies to all members. Its default is then half of the thickness, or the limit of [pattern.width] if that is less.
-    Else it applies to tidied stripes between openings with round corners, if narrower than 0.8 usual widths."""
+    """Smallest width of members, metres; narrower ones are widened. 0: no limit. With pattern.workshop the limit is for
+    all members; its default is half of the thickness, or the limit of [pattern.width] if that is less. Without, it is
+    for members narrower than 0.8 times the usual width, between openings with round corners, if stripes are tidied."""
     improve: bool = False
-    """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
+    """Improve the triangles of the cut mesh by flipping and removing edges, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
-    """Distance (m) by which `improve` may move the edges of stripes; 0: none."""
+    """Largest distance (m) by which `improve` may move the edges of stripes. 0: they stay in place."""
     loose: Literal["drop", "keep", "refuse"] = "drop"
-    """Treatment of pieces without a support: drop or keep these pieces, or refuse the design."""
+    """Treatment of pieces without a support. drop: leave them out. keep: keep them. refuse: stop with an error."""
 
 
 class Thickening(Section):
     """[thickening]: from the sheet to a solid of the thickness in [statics]."""
 
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
-    """Refuse a solid that keeps less than this share of the thickness at sharp curvature."""
+    """Refuse a solid that would have less than this share of its thickness where the surface is sharply curved."""
     side: Side = "mid"
-    """Position of the solid: mid (around the surface), out (on the side of its normals, or outside) or in."""
+    """Position of the solid. mid: around the surface. out: on the side of its normals, or outside. in: opposite."""
     strict: bool = False
-    """Refuse a solid whose faces still intersect after all repairs. false: report the place."""
+    """Refuse a solid whose faces still intersect after all repairs. false: only report the place."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
-    """Feet, ring, holes, trim, split: additions to the solid and cuts from it, in this order."""
+    """Changes of the solid, applied in the order of the list: kinds feet, ring, holes, trim and split."""
 
 
 class Fabrication(Section):
     """[fabrication]: limits of the workshop. dsfab checks and reports them; only --fix changes the design."""
 
     min_member: Annotated[float, Ge(0)] = 0.0
-    """Least width of members, metres. 0: no check besides that of pattern.workshop."""
+    """Smallest width of members, metres. 0: only the limit of pattern.workshop is checked."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Least width of openings, and of their tips with pattern.workshop, metres. 0: no further check."""
+    """Smallest width of openings (with pattern.workshop also of their tips), metres. 0: no other check."""
     min_wall: Annotated[float, Ge(0)] = 0.0
-    """Least thickness of walls of the solid, metres. 0: no check."""
+    """Smallest thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
-    """Write files although the design has faults: loads without a path to a support, a sheet that is very thin where it
-    would meet itself, or members and openings under 1 mm and under their limit."""
+    """Write files although the design has faults: loads without a path to a support; very thin places where the solid
+    would meet itself; or members and openings under 1 mm and under their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
     """Size of the machine along x, y, z, metres; the solid may be turned onto any side."""
 
@@ -499,14 +499,14 @@ class Export(Section):
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"] = "auto"
-    """planar: flat or folded designs, of lines and splines. faceted: plane faces. tessellated: triangles for
-    viewers. members: curved patches with four sides that CAD programs cut and measure well, else smooth, else faceted.
-    smooth, compact: a few curved skins, the smallest file; cutting it in CAD often fails. auto: planar if possible,
-    else members up to 7000 faces, else smooth if it is fast and OCCT cuts it, else faceted within step_faces, else
-    smooth. quick: as auto, but members only for open surfaces, no cuts, and no smooth at the end, which may take
-    minutes and fail."""
+    """planar: flat or folded designs, with lines and splines. faceted: plane faces. tessellated: triangles for viewers.
+    members: four-sided curved faces that CAD programs cut and measure well; if impossible, as smooth, or as faceted.
+    smooth, compact: a few large curved faces, the smallest file, which CAD programs often cannot cut. auto: planar if
+    possible; else members up to 7000 faces; else smooth if it is fast and OCCT can cut it; else faceted within
+    step_faces; else smooth. quick: as auto, but members only for open surfaces, without the test of a cut, and without
+    smooth at the end, which may take minutes and fail."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Largest error (m) of planar, smooth or simplified STEP. 0: a share of the thickness; none for faceted STEP."""
+    """Largest error (m) of planar, smooth or simplified STEP. 0: a part of the thickness; no error for faceted STEP."""
     step_mb: Annotated[float, Ge(0)] = 0.0
     """Largest size of a STEP file in MB; 0: no limit."""
 
@@ -551,8 +551,7 @@ class Preset(Section):
         surface : a mesh of trimesh, pyvista, compas, in metres (else `Surface.of(mesh, "mm")`); a `Surface`; (V, F):
                   vertices (n, 3), metres, and faces; the path of a mesh file; the section of another preset; or its
                   keys as in TOML, and `mesh` for one of these: {"mesh": mesh, "refine": 0.2}.
-        supports, loads, combinations : replace those of `surface`; as `dsfab.Support(...)`, `dsfab.Snow(...)`, or as
-        keys in TOML.
+        supports, loads, combinations : in place of those of `surface`: `dsfab.Support(...)` ..., or tables as in TOML.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
         Raises PresetError that lists every mistake with its key in TOML; SurfaceError for an invalid mesh."""
         surface_lists = {"support": supports, "load": loads, "combination": combinations}
@@ -577,7 +576,7 @@ class Preset(Section):
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
         """Refuse vertex numbers in guides and regions if a void changes the numbers of the vertices.
-        Supports and loads may contain vertex numbers, because dsfab picks their vertices before the void."""
+        Supports and loads may use vertex numbers, because their vertices are picked before voids are cut out."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [
@@ -610,7 +609,7 @@ class Preset(Section):
 
     @property
     def combines(self) -> bool:
-        """True if the pattern follows a sum of stress magnitudes, False for the stress of one case."""
+        """True if the pattern follows a sum of stresses, False for the stress of one case or combination."""
         return combines(self.surface.load, self.diffusion.follow)
 
     def with_modes(self, mode: tuple[int, int], phase: tuple[float, float]) -> "Preset":
@@ -622,8 +621,8 @@ class Preset(Section):
         return self.with_pattern(**families)
 
     def with_thickness(self, thickness: float) -> "Preset":
-        """Return the preset with a thickness (m), and with round corners of at least `FILLET` times this thickness.
-        If the thickness was auto, workshop members get the thickness as their least width."""
+        """Return the preset with a thickness (m). Round corners get a radius of at least `FILLET` times this thickness.
+        If the thickness was auto, it also becomes the smallest width of members for a workshop."""
         slicing, fillet = self.slicing, self.pattern.fillet
         if not self.statics.is_sized and slicing.min_member is None and self.pattern.for_workshop:
             slicing = slicing.model_copy(update={"min_member": thickness})
@@ -638,7 +637,7 @@ class Preset(Section):
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=changes)})
 
     def self_contained(self) -> "Preset":
-        """Return the preset with curves in place of references to drawings. Raises SurfaceError without a drawing."""
+        """Return the preset with curves in place of references to drawings. Raises SurfaceError if one is missing."""
         lists = {"surface": ("support", "load"), "pattern": ("guide", "region"), "thickening": ("extra",)}
         changes = dict[str, Any]()
         for name, keys in lists.items():
@@ -649,8 +648,8 @@ class Preset(Section):
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
-        """Return the first stage whose section differs, or None. A changed outline of a region counts as [surface]; so
-        does a changed [statics] if the stress defines the mesh."""
+        """Return the first stage whose section differs, or None. It is `surface` also if the outline of a region
+        differs, or if [statics] differs and the stress defines the mesh."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

@@ -14,15 +14,15 @@ class Sizing(Section):
     """[sizing]: targets of the cut structure for `statics.thickness = "auto"` and for `dsfab size`."""
 
     utilisation: Annotated[float, Gt(0), Le(1)] = 0.8
-    """Largest utilisation of a member: by Eurocode for materials with grades, else stress over strength."""
+    """Largest utilisation of a member: by Eurocode for steel and timber grades, else stress divided by strength."""
     movement: Annotated[float, Gt(0)] = 300.0
-    """Least ratio of the span to the largest movement: 300 allows 10 mm on a span of 3 m."""
+    """Smallest ratio of the span to the largest movement: 300 allows 10 mm on a span of 3 m."""
     buckling: Annotated[float, Ge(0)] = 4.0
-    """Least buckling load factor. Real shells buckle below the computed factor. 0: no target."""
+    """Smallest buckling factor. Real shells buckle below the computed factor. 0: no target."""
     thicknesses: tuple[Annotated[float, Gt(0), Le(10)], ...] = ()
     """Thicknesses to choose from, metres. Default: those in which the material is sold or made."""
     first: Annotated[float, Ge(0), Le(10)] = 0.0
-    """First guess, metres: sizing tries a third to three times this thickness. 0: dsfab guesses from the size."""
+    """First guess, metres: sizing tries a third to six times this thickness. 0: dsfab guesses from the size."""
 
 
 Route = Literal["auto", "strips", "planks", "bars", "sheet", "panels"]
@@ -33,22 +33,21 @@ class Workshop(Section):
     """[workshop]: flat parts for `dsfab workshop`. It does not change the design."""
 
     route: Route = "auto"
-    """strips: members flat in the surface, in bolted layers. planks: members upright on the surface, halved at
-    crossings.
-    bars: straight from node to node, on folded plates. panels: a model in one skin with tabs. sheet: a flat design in
-    pieces of the stock's size. auto: sheet for a flat design, else strips if they can be bent, else bars if they stay
-    near the surface, else planks if they can be bent and assembled."""
+    """strips: members lie flat in the surface, in bolted layers. planks: members stand upright on the surface, with
+    slots at crossings. bars: straight members from node to node, with folded plates. panels: a model of flat faces with
+    tabs. sheet: a flat design in pieces of the stock's size. auto: sheet for a flat design; else strips if they can be
+    bent; else bars if they stay near the surface; else planks if they can be bent and assembled."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Length and width of the sheets to cut from, metres; one size or several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()
-    """Price of a sheet for each size of the stock, in any currency; dsfab uses the cheapest combination. Without prices
-    dsfab uses the least area."""
+    """Price of a sheet for each size of the stock, in any currency; the cheapest combination is used. Without prices,
+    that with the smallest area."""
     thickness: Annotated[float, Ge(0)] = 0.0
     """Thickness of one layer, plank or bar, metres. 0: the thickness in [statics], divided by the number of layers."""
     depth: Annotated[float, Ge(0)] = 0.0
-    """planks: depth along the normals, metres. 0: the usual width of members."""
+    """planks: height along the surface's normals, metres. 0: the usual width of members."""
     layers: Literal[2, 4] = 2
-    """strips: number of layers where two members cross. A member is in one of 2 layers, or in two of 4 layers."""
+    """strips: number of layers where two members cross. Each member has one of 2 layers, or two of 4 layers."""
     plate: Annotated[float, Gt(0)] = 0.005
     """Thickness of the plates at nodes (bars) and at anchors, metres."""
     anchor: Annotated[float, Ge(0)] = 0.0
@@ -58,19 +57,18 @@ class Workshop(Section):
     gap: Annotated[float, Ge(0)] = 0.008
     """Distance (m) between parts on the stock, and from the edge of the stock: space for the cutting tool."""
     grain: bool = False
-    """True if the grain runs along the sheets; members then lie along the grain and never across."""
+    """True if the sheets have a grain along their length; then members lie along it, never across."""
     nesting: Literal["stacked", "spyrrow"] = "stacked"
-    """stacked: parts are stacked on sheets. spyrrow: a solver then tries to empty the least used sheet. It takes
-    minutes
+    """stacked: parts are stacked on sheets. spyrrow: a solver then tries to clear the emptiest sheet. It takes minutes
     and needs: pip install "dsfab[nesting]"."""
     model: Annotated[float, Ge(0)] = 0.0
     """Scale of a card model: 50 means 1:50; all lengths of this section are lengths of the model. 0: full size."""
     alike: Annotated[float, Ge(0), Le(0.05)] = 0.0
-    """strips: parts become equal if their outlines differ by at most this distance (m), and their holes by half a
+    """strips: parts are made equal if their outlines differ by at most this distance (m), and their holes by half a
     millimetre. 0: no change."""
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
     """Joint of parts longer than the stock. cover: bolted cover plate for members, butt joint for flat sheets. scarf:
-    glued bevel of eight times the thickness. fingers: finger joints for flat sheets. none: butt joints."""
+    glued slope, eight times as long as thick. fingers: finger joints for flat sheets. none: butt joints."""
 
     @field_validator("stock", mode="before")
     @classmethod
@@ -121,10 +119,10 @@ class Eurocode(Section):
     curve: Literal["a0", "a", "b", "c", "d"] = "c"
     """Steel: buckling curve; c for solid sections."""
     buckling_length: Annotated[float, Gt(0), Le(10)] = 1.0
-    """Buckling length over the distance between nodes along the member."""
+    """Buckling length, divided by the distance between nodes along the member."""
     bent_in: bool = False
-    """Timber: members are straight layers bent into shape; the check adds the bending stress. A layer has the thickness
-    of [workshop], or the thickness in [statics] divided by `workshop.layers`."""
+    """Timber: members consist of straight layers that are bent into shape; the check adds the stress of this bending. A
+    layer has the thickness in [workshop], or the thickness in [statics] divided by `workshop.layers`."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
         """Yield an error message for each case in `duration` that no load has."""

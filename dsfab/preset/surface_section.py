@@ -59,31 +59,31 @@ class Section(BaseModel):
         except ValidationError as error:
             raise PresetError(f"{type(self).__name__.lower()}: {mistakes(error, type(self))}") from None
 
-    # pydantic must not call this constructor for preset files, whose message lists the mistakes of all sections
+    # for preset files, pydantic must not call this constructor, because their message lists mistakes of all sections
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 class SurfaceSection(Section):
     """Keys of every surface.
-    pydantic builds the checks on first use, because building them takes half of the time to start dsfab."""
+    Their checks are built on first use, because this takes half of the time to start dsfab."""
 
     model_config = ConfigDict(defer_build=True)
 
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
     combination: tuple[Combination, ...] = ()
-    """Sums of load cases; each case is multiplied by its factor."""
+    """Combinations: sums of load cases, each multiplied by its factor."""
     combinations: CombinationRule | None = None
-    """Standard whose combinations dsfab adds to `combination`."""
+    """Standard by which dsfab adds combinations to those in `combination`."""
     actions: dict[CaseName, ActionKind] = {}
-    """Kind of action of a case for the standard, by the name of the case. Weight, snow and wind need no entry."""
+    """Kind of action of each case for the standard, by name of the case; not needed for weight, snow and wind."""
     factors: DesignFactors | None = None
     """Factors of the standard that a national annex changes."""
     refine: Annotated[float, Ge(0)] = 0.0
     """Largest edge length, metres; longer edges are divided. 0: no edge is divided."""
     smooth: bool = False
-    """Round the facets: with `refine` by Loop subdivision; with `edge` the new vertices lie on the smooth surface
-    through the old vertices. Boundaries and creases stay."""
+    """Make the surface smooth: with `refine` by Loop subdivision; with `edge` by new vertices on a smooth surface
+    through the old ones. Boundaries and creases do not change."""
 
     @property
     def sums(self) -> tuple[Combination, ...]:
@@ -115,12 +115,12 @@ class OwnSurface(SurfaceSection):
     """Keys of the user's meshes: edge lengths of a new mesh."""
 
     edge: Annotated[float, Ge(0)] = 0.0
-    """Edge length of a new mesh of even triangles, metres; boundaries and creases stay. 0: the mesh stays unchanged."""
+    """Edge length of a new mesh of equal triangles, metres; boundaries and creases do not change. 0: no new mesh."""
     finest: Annotated[float, Ge(0)] = 0.0
-    """Least edge length, metres, used at the places of `finest_at`; needs `edge`. 0: all edges have equal lengths."""
+    """Smallest edge length, metres, at the places of `finest_at`; needs `edge`. 0: all edges have equal lengths."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
     """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress changes if it
-    varies along an edge by a quarter of its root mean square, in statics on even triangles."""
+    varies along an edge by a quarter of its root mean square, in a solve on equal triangles."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -158,15 +158,16 @@ class FileSurface(OwnSurface):
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files contain their unit."""
     up: Up = "z"
-    """Axis of the file that points upwards; all other keys assume z. dsfab turns GLB files itself."""
+    """Axis of the file that points upwards. All other keys use z. GLB files are rotated without this key."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Point of the file that becomes the origin of the design, metres, with z up; for survey coordinates."""
+    """Point of the file that becomes the origin of the design, metres, with z up; for files with survey coordinates."""
     mend: bool = False
-    """Repair small faults: weld vertices that nearly touch, drop specks and faces without area, close pinholes,
-    straighten ragged edges."""
+    """Repair small faults: join vertices that nearly touch, remove tiny pieces and faces without area, close tiny
+    holes, straighten uneven edges."""
     repair: bool = False
-    """Repair a raw scan: as `mend`; also split edges of more than two faces, drop pieces smaller than a twentieth of
-    the largest, fill holes with an outline under 15 % of the largest side, and turn all faces to the same side."""
+    """Repair a raw scan: as `mend`; also split edges with more than two faces, and give all normals the same side.
+    Small pieces (under a twentieth of the largest) are removed, and holes (outline under 15 % of the largest side)
+    filled."""
     max_triangles: Annotated[int, Ge(1)] | None = None
     """Largest number of triangles in the file; also limits its bytes, vertices and reading time. Default: 4 million."""
 
@@ -180,7 +181,7 @@ class FileSurface(OwnSurface):
         return self.read().surface
 
     def read(self) -> SurfaceInFile:
-        """Return the surface, and the record of reading and repairs; raises PresetError without the user's mesh."""
+        """Return the surface, with a record of repairs. Raises PresetError if the user's mesh is missing."""
         if self.waits:
             raise PresetError(
                 f"this preset needs your mesh in place of {self.file.name}: write "
@@ -266,7 +267,7 @@ else:
 
 
 def plain(value: Any) -> Any:
-    """Convert supports, loads, pickers and similar objects to tables, so that the checks of a preset file apply."""
+    """Return supports, loads, pickers and similar objects as tables, which are checked like those of a preset file."""
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
@@ -277,7 +278,7 @@ def plain(value: Any) -> Any:
 
 
 def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
-    """Return the argument `surface` of Python code as a table with the supports, loads and combinations in `lists`.
+    """Return the argument `surface` of `Preset` as a table, with the supports, loads and combinations in `lists`.
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F): vertices (n, 3),
               metres, and faces (m, 3).
     Raises SurfaceError for an invalid mesh."""
@@ -296,11 +297,11 @@ EXAMPLE = (
     "dsfab.run(dsfab.Preset(surface=mesh, supports=[dsfab.Support(dsfab.Boundary())], loads=[dsfab.SelfWeight()], "
     "statics={'thickness': 0.05}))"
 )
-"""Shortest preset for a mesh."""
+"""Example of the shortest preset for a mesh."""
 
 
 def missing_preset(thing: Any) -> str:
-    """Return an error message for an object that is not a preset, with the call that makes a preset of it."""
+    """Return an error message for an object that is not a preset; it names the call that makes a preset of it."""
     if isinstance(thing, str | Path) and Path(thing).suffix in ("", ".toml"):
         return f"{str(thing)!r} is the name of a preset only; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
     names: dict[type, str] = {str: repr(thing), tuple: "(V, F)", list: "[V, F]"}

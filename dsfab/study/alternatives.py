@@ -18,10 +18,10 @@ from dsfab.study.judges import Judge, Judgement, full, quick
 
 @dataclass(frozen=True)
 class Spread:
-    """Compliances (J) of all variants of a competitor, each by one solve (`quick`).
+    """Statistics of the compliances (J) of all variants of a competitor; the judge `quick` solves each variant once.
     tried, carried : number of variants, and number of variants that carry the loads.
     best, mean, worst : compliances of the variants that carry the loads.
-    median : median of all variants; a variant that does not carry the loads has infinite compliance."""
+    median : of all variants; a variant that does not carry the loads counts as infinite."""
 
     tried: int
     carried: int
@@ -71,7 +71,7 @@ class Competitor:
         return self.judgement.compliance if self.judgement else float("inf")
 
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """Return SI values for a table; None for unknown values.
+        """Return the competitor's row of a table, in SI units; None for unknown values.
         full, design : compliances (J) of the full sheet and of the design."""
         columns: dict[str, Any] = {
             "name": self.name,
@@ -136,7 +136,7 @@ ALTERNATIVE_WORDS = {
     "thinner": "a uniformly thinner sheet without openings",
     "isotropic": "the best pair of isotropic stripes",
 }
-"""Words for each alternative in sentences, by name of the alternative."""
+"""Description of each alternative for sentences, by the alternative's name."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class Alternative:
                 infinite if the design does not carry its loads, and 0 if the alternative does not.
     low, high : interval of `over`, from the error bounds of both compliances.
     variant   : the best variant, such as "modes 1, 2".     error : reason why the alternative is missing, or ''.
-    level     : words for the check of both compliances."""
+    level     : description of the check of both compliances, such as "one solve each"."""
 
     name: str
     over: float
@@ -163,7 +163,7 @@ class Alternative:
 
     @property
     def sentence(self) -> str:
-        """Sentence that compares the design with this stiffer alternative."""
+        """Sentence that this alternative is stiffer than the design, and by which factor."""
         which = f"{ALTERNATIVE_WORDS[self.name]} of the same mass"
         if not np.isfinite(self.over):
             return f"this design does not carry its loads, and {which} does"
@@ -192,7 +192,7 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return a design's alternatives, computed once, each by the fastest solve that shows which structure is stiffer.
+    """Return a design's alternatives, each compared by the fastest solve that shows which of the two is stiffer.
     Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
@@ -206,13 +206,13 @@ def design_alternatives(design: Design) -> tuple[Alternative, ...]:
 def alternatives(
     task: ComparisonTask, structure: Structure, names: Sequence[str] = tuple(ALTERNATIVE_WORDS)
 ) -> tuple[Alternative, ...]:
-    """Return the alternatives `names` to a structure, each with the mass of the task."""
+    """Return the alternatives `names` to a structure, each with the mass of the task's design."""
     makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
     return tuple(makers[name](task, structure) for name in names)
 
 
 class _BoundedCompliance(NamedTuple):
-    """A compliance (J) with its relative error bound; infinite if the structure fails (see `error`)."""
+    """A compliance (J) with its relative error bound. A structure that fails has an infinite one, and an `error`."""
 
     compliance: float
     bound: float
@@ -221,9 +221,9 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare a structure with a thinner sheet, each by one solve with elements that rank designs.
-    If the result is unclear, more accurate elements solve both sheets again. A thinner sheet that bends then gets a
-    full check, because its mesh is coarser than that of the cut sheet."""
+    """Compare a structure with a thinner sheet. Both are solved once; the structure with the fast elements of a search.
+    If the error bounds do not show which is stiffer, more accurate elements solve the structure again. A thinner sheet
+    that bends then gets a full check, because its mesh is coarser than that of the cut sheet."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)
     alternative = _alternative("thinner", design, rival, "one solve each")
@@ -254,7 +254,7 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alterna
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
     failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; the first: {tried[0].refused}")
     rival = min(rivals, key=lambda rival: rival.compliance, default=failed)._replace(bound=0.0)
-    # both errors have the same sign, so the ratio is accurate to 10 %
+    # both compliances are too small or both too large, so the error of their ratio is at most 10 %
     return _alternative("isotropic", _judged_compliance(quick, task, structure)._replace(bound=0.1), rival, level)
 
 
@@ -266,7 +266,7 @@ def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompl
 
 
 def judged_alternatives(design: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Return the rivals in `ALTERNATIVE_WORDS` as alternatives, with the compliances of their judgements."""
+    """Return the competitors named in `ALTERNATIVE_WORDS` as alternatives, with their judged compliances."""
     design_value, judged = _competitor_compliance(design), []
     for rival in (rival for rival in rivals if rival.name in ALTERNATIVE_WORDS):
         level = f"{rival.judgement.level} check" if rival.judgement else ""
@@ -291,7 +291,7 @@ def _alternative(name: str, design: _BoundedCompliance, rival: _BoundedComplianc
 
 
 def _ranked_compliance(task: ComparisonTask, structure: Structure) -> _BoundedCompliance:
-    """Return the compliance of a cut sheet, by one solve with elements that rank designs; its error is 5 to 15 %."""
+    """Return the compliance of a cut sheet by one solve with the fast elements of a search; its error is 5 to 15 %."""
     statics = task.preset.statics
     try:
         loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure))

@@ -19,7 +19,7 @@ from dsfab.surface import LoadCase, Surface
 
 CCX = "ccx"  # CalculiX's solver program
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
-Projection = Callable[[Floats], tuple[Floats, Floats]]  # points (k, 3) -> points on the middle surface, unit normals
+Projection = Callable[[Floats], tuple[Floats, Floats]]  # points -> points on the surface, unit normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Wedges:
 
 
 def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges:
-    """Return the solid between the two surfaces at half a thickness below and above the middle surface."""
+    """Return the solid with a thickness (m), half of it below and half above the middle surface."""
     edges, F = surface.edges, surface.F
     n, e = surface.n, len(edges.ends)
     corner, normal = projection(surface.V)
@@ -46,7 +46,7 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     nodes = np.concatenate([corner - up, corner + up, corner, middle - over, middle + over])
     columns = np.arange(n)[:, None] + n * np.arange(3)
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
-    # faces with normals opposite to those of their vertices list their corners in reverse
+    # a face whose normal is opposite to that of its vertices gets its corners in reverse order
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
     F, numbers = (np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of))
     parts = [columns[F, 0], columns[F, 1], middles[numbers, 0], middles[numbers, 1], columns[F, 2]]
@@ -92,19 +92,19 @@ def _input_text(solid: Wedges, material: Material, fixed_nodes: Ints, gravity: F
 
 
 def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
-    """Return the nodes of all end faces on boundary edges with both ends in the mask `marked` (n,)."""
+    """Return the nodes of the solid's faces on boundary edges whose two ends are in the mask `marked` (n,)."""
     edges = surface.edges
     is_marked = edges.boundary & marked[edges.ends].all(axis=1)
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
 
 
-THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # shares of a vertex force on the nodes below, above and in the middle
+THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # how a force at a vertex splits: node below, above, and in the middle
 
 
 @dataclass(frozen=True, eq=False)
 class WedgeModel:
     """A solid with its supports and forces.
-    solid    : nodes (p, 3), metres, and elements.    fixed : (q, 2) nodes and directions that do not move.
+    solid    : nodes (p, 3), metres, and elements.    fixed : (q, 2) held nodes, each with a held direction (0 to 2).
     opposite : (r, 3) two nodes and a direction in which they move by opposite amounts, so that the sheet can rotate.
     force    : (p, 3) newtons."""
 
@@ -146,7 +146,7 @@ def _supports(solid: Wedges, surface: Surface, load: LoadCase, held_directions: 
 
 
 ATTEMPT = re.compile(r"^ *\d+ +\d+ +\d+(U?) +\d+ +(\S+) +\S+ +(\S+) *$", re.MULTILINE)
-"""Line of the .sta file: U if no equilibrium was found, the time at the start, and the attempted time step."""
+"""Line of the .sta file, with groups: U if no equilibrium was found, time before the step, attempted time step."""
 TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 
 
@@ -161,7 +161,7 @@ class CcxFiles:
     ended: bool
 
     def tables(self) -> list[tuple[float, Floats]]:
-        """Return the time and the rows (k, 4) of each table of displacements: node number and displacements."""
+        """Return the time of each table of displacements, and its rows (k, 4): node number, three displacements."""
         data = self.results[: self.results.rfind("\n") + 1]  # the last line may be incomplete
         heads = list(TABLE.finditer(data))
         parsed = []
@@ -173,7 +173,7 @@ class CcxFiles:
         return parsed
 
     def failures(self) -> list[tuple[float, float]]:
-        """Return the time before each failed attempt, and the attempted time step."""
+        """Return pairs for the attempts without equilibrium: the time before it, and the attempted time step."""
         return [(float(start), float(step)) for failed, start, step in ATTEMPT.findall(self.attempts) if failed]
 
 
@@ -189,8 +189,8 @@ def require_ccx() -> str:
 
 
 def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] = lambda files: False) -> CcxFiles:
-    """Run CalculiX on an .inp file until it ends, `enough` returns True, or `seconds` pass; return its output.
-    The process and its files are always removed, even after a signal."""
+    """Run CalculiX on the lines `text` of an .inp file until it ends, `enough` is True, or `seconds` pass. Return its
+    output. CalculiX is always stopped and its files deleted, even after an interruption."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as name:
         folder = Path(name)
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
@@ -232,7 +232,7 @@ FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
 @dataclass(frozen=True, eq=False)
 class LoadPath:
     """Path of a structure under growing loads.
-    load    : (k,) factors on the loads, from 0.    u : (k, w, 3) displacements of w chosen nodes, metres.
+    load    : (k,) factors on the loads, first 0.    u : (k, w, 3) displacements of w chosen nodes, metres.
     whole   : True if the path reaches the last requested factor.    late : True if the time limit ended the path.
     failed  : (f, 2) start point and load increment of each attempt without equilibrium."""
 
@@ -249,8 +249,8 @@ class LoadPath:
 
 
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
-    """Return the lowest linear buckling factor and the shape (p, 3) of its mode, in arbitrary scale.
-    Raises StaticsError without such a factor."""
+    """Return the lowest linear buckling factor, and its mode as displacements (p, 3) of any size.
+    Raises StaticsError if CalculiX finds no factor."""
     step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
     files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
     if not files.ended:
@@ -274,9 +274,9 @@ def load_path(
     stop_point: Callable[[LoadPath], int | None] = lambda path: None,
     steps: int = 10,
 ) -> LoadPath:
-    """Return the path of nodes `watched` (w,) as loads grow to each of `factors` in turn, with large displacements.
+    """Return the path of the nodes `watched` (w,), with large displacements. Loads grow to each of `factors` in turn.
     nodes : (p, 3) initial positions, metres.
-    stop_point : returns the point at which a path may stop, or None.
+    stop_point : function of the path so far; returns the number of the point at which it may stop, or None.
     Each factor takes `steps` steps; CalculiX halves steps that do not converge, down to a thousandth of the load. The
     path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails."""
     text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_formatted_rows("%d\n", watched + 1)]
@@ -289,7 +289,7 @@ def load_path(
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # `end` does not depend on the time of the stop
+    path, end = until(files)  # the same `end` however late CalculiX was stopped
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:

@@ -1,4 +1,4 @@
-"""The verdict on a cut structure: its most used member, movement, buckling factor, mass and reactions."""
+"""The verdict on a cut structure, with the largest utilisation and movement, buckling factor, mass and reactions."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -49,13 +49,13 @@ BUCKLED_CASES = 3
 """Number of cases and combinations for which buckling is computed: those with the largest compression. A standard gives
 up to 40 combinations, and each buckling analysis takes as long as a solve."""
 NARROW_RIB = 3.0
-"""Ratio of mean rib width to thickness below which a bar has under 0.8 of the torsional stiffness of a strip of sheet
-(`torsion_share`). At a ratio of 2.2, a wall moved by 11 % more as a solid by CalculiX."""
+"""Ratio of mean rib width to thickness. Below it, a solid bar has less than 0.8 times the torsional stiffness of a
+strip of shell (`torsion_share`). A wall with ratio 2.2 moved by 11 % more as a solid in CalculiX than as a shell."""
 
 
 @dataclass(frozen=True)
 class MemberUse:
-    """The most used member. value : utilisation, 1 at the limit. place : metres. check : words for the check."""
+    """The member with the largest utilisation (`value`, 1 at the limit), its place (m), and the name of the check."""
 
     member: str
     value: float
@@ -66,7 +66,7 @@ class MemberUse:
 
 @dataclass(frozen=True)
 class Movement:
-    """The largest movement (m) with its place. span : metres. about : words for the span."""
+    """The largest movement (m) with its place. span : metres, to compare it with. about : description of the span."""
 
     value: float
     place: Place
@@ -100,13 +100,13 @@ Outcome = Literal["carries", "does not carry", "not judged"]
 
 @dataclass(frozen=True)
 class Carrying:
-    """The verdict on a cut structure, with its figures.
-    use      : None without a strength, and for a structure that does not stand.
+    """The verdict on a cut structure, with the values behind it.
+    use      : largest utilisation; None without a strength, and for a structure that does not stand.
     movement : None for a structure that does not stand.
     buckling : lowest buckling factor of the perfect shape; None without compression or without a strength.
     buckling_case : case of the lowest buckling factor, or ''.
     mass     : of the sheet, kg.     reactions : by support, then by case.
-    faults   : reasons why the structure does not carry.       remarks : on missing figures and assumptions.
+    faults   : reasons why the structure does not carry.       remarks : on missing values and on assumptions.
     stress   : (m,) von Mises stress (Pa) of the cut sheet in the case of the most used member, or in the first case."""
 
     thickness: float
@@ -136,9 +136,9 @@ class Carrying:
 
 @dataclass(frozen=True, eq=False)
 class CutStatics:
-    """The cut sheet of a design with a thickness (m), its loads and answers by case and combination.
-    answers : by elements that are accurate enough for reports.
-    stiffness, factor_of : K of the elements for buckling, without springs, and its factor, if they are known."""
+    """The cut sheet of a design with a thickness (m), its loads, and results for each case and combination.
+    answers : solutions by elements that are accurate enough for reports.
+    stiffness, factor_of : K of the elements for buckling, without springs, and stored factorisations."""
 
     design: Design
     thickness: float
@@ -164,8 +164,8 @@ class CutStatics:
 
 def carrying(design: Design) -> Carrying:
     """Return the verdict on the cut sheet of a design; the design stores the result.
-    The figures come from one factorisation for all cases, on the unrefined mesh. Raises the DsfabError of a stage that
-    fails; a structure that does not stand gives a result."""
+    All cases use one factorisation on the unrefined mesh. A structure that does not stand gives a verdict, no error.
+    Raises the DsfabError of a stage that fails."""
     return design.cached_result("slicing", "carrying", lambda: _carrying(design))
 
 
@@ -193,7 +193,7 @@ def cut_loads(design: Design, thickness: float) -> dict[str, LoadCase]:
 
 
 def cut_statics(design: Design, thickness: float) -> CutStatics:
-    """Return the answers of the cut sheet with a thickness (m), from one factorisation for all cases.
+    """Solve the cut sheet with a thickness (m) for all cases, with one factorisation.
     Raises StaticsError if the sheet does not stand, or if a load has no support."""
     loads = cut_loads(design, thickness)
     unsolved = CutStatics(design, thickness, loads, {})
@@ -223,10 +223,10 @@ def _factors(design: Design) -> dict[str, Mapping[str, float]]:
 
 
 def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
-    """Return the verdict on a solved cut sheet, only with its mass, movement and most used member.
-    use : False to leave out the most used member, which takes longest.
-    Eurocode gives the most used member. For other materials, or without bays, it is the member with the von Mises
-    stress that 99 % of the area does not exceed."""
+    """Return the verdict on a solved cut sheet, only with its mass, largest movement and largest utilisation.
+    use : False to leave out the utilisation, which takes longest.
+    The utilisation is by Eurocode. For other materials, or without bays, it is stress divided by strength; the stress
+    is the von Mises stress that 99 % of the area does not exceed."""
     moved, mass = _movement(statics), _mass(statics.design, statics.thickness)
     if not statics.preset.statics.strength:
         return Carrying(statics.thickness, mass, None, moved, remarks=(NO_STRENGTH,))
@@ -252,7 +252,7 @@ def cut_carrying(statics: CutStatics) -> Carrying:
 
 
 def _narrow_ribs(statics: CutStatics) -> tuple[str, ...]:
-    """Return a remark on ribs that twist as bars; none if the sheet is loaded in its plane."""
+    """Return a remark if ribs are so narrow that shell elements overestimate their torsional stiffness."""
     ratio = rib_width(statics.model.surface) / statics.thickness
     if ratio >= NARROW_RIB or next(iter(statics.answers.values())).elements.bending is None:
         return ()
@@ -283,7 +283,7 @@ def _most_used_by_code(statics: CutStatics) -> MemberUse:
     bay = int(use.order[0])
     check, case, station = use.governing(bay)
     axis, s = graph.by_id[use.bays.member[bay]].axis, use.bays.s[bay, station]
-    assert axis is not None  # members with bays have an axis
+    assert axis is not None  # every member with bays has an axis
     place = axis.frames_at(np.array([s % axis.length if axis.closed else s]))[0][0]
     return MemberUse(use.bays.member[bay], float(use.largest[bay]), point_tuple(place), case, str(check))
 
@@ -295,7 +295,7 @@ def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
     factors, surface, sections = _factors(statics.design), statics.model.surface, {}
     linear = next(iter(statics.answers.values())).elements.bending == "hhj"
     make = partial(ShearRecovery.for_surface, surface, linear=linear)
-    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # for all thicknesses
+    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # shared by all thicknesses
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)
@@ -339,11 +339,11 @@ def _movement(statics: CutStatics) -> Movement:
 
 
 def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
-    """Return the span (m) for the judgement of movements, and words for the span.
-    The span is twice the largest distance of a vertex from the supports, measured across the direction of the load: in
-    plan for snow, in height for wind on a wall. So a cantilever counts double, and a ring spans between its edges. For
-    a column below its load, the span is the largest distance itself, if that is longer. Weight counts for the direction
-    only if it is the sole load, because its share of the load changes with the thickness."""
+    """Return the span (m) with which movements are compared, and its description.
+    The span is twice the largest distance of a vertex from the supports, measured at right angles to the load: in plan
+    for snow, in height for wind on a wall. So the span of a cantilever is twice its length. If the largest distance in
+    space is longer than that, it is the span, as for a column under its load. The self-weight is left out of the load's
+    direction if there are other loads, because its share changes with the thickness."""
     net, V, parts = load.force.sum(axis=0), surface.V, load.parts
     if parts is not None and (parts.point.any() or parts.bare.any() or parts.covered.any()):
         net = net - surface.areas @ parts.weight

@@ -1,4 +1,4 @@
-"""A design as a finite element model for CalculiX; comments in the file state dsfab's own results."""
+"""A design as a finite element model for CalculiX, with dsfab's own results in comments of the file."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,26 +22,27 @@ from dsfab.study.verdict.estimates import ModeEstimate
 from dsfab.surface import LoadCase, Surface, support_names
 
 THIN = 0.01
-"""Largest thickness of CPS6 sections, divided by the mean edge. CalculiX makes solid wedges of these sections and
-smooths changes of thickness, which lowers the shear stiffness of its mesh. A cut cantilever was 0.15 to 0.2 % too stiff
-with a third of the mean edge, and 0.02 to 0.03 % too stiff with a hundredth and less."""
+"""Largest thickness of CPS6 sections, divided by the mean edge length. CalculiX makes solid wedges of these sections;
+thin wedges come closest to plane stress. A cut cantilever was 0.15 to 0.2 % too stiff with a thickness of a third of
+the mean edge. With a hundredth or less, it was 0.02 to 0.03 % too stiff."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
-    """Return nodes (n + e, 3), metres, first vertices, then middles of edges; and triangles (m, 6).
-    The nodes of a triangle are its corners, and the middles of its sides 1-2, 2-3 and 3-1."""
+    """Return nodes (n + e, 3), metres, first the vertices, then the middles of edges, and triangles (m, 6).
+    The six nodes of a triangle are its corners, and the middles of its sides 1-2, 2-3 and 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
 
 
 def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = None) -> Floats:
-    """Return forces (n + e, 3), newtons, on the nodes of six-node triangles, which do the same work as dsfab's loads.
-    force  : (n, 3) newtons on the vertices, with the share of `spread`.
+    """Return forces (n + e, 3), newtons, on the nodes of six-node triangles. They do the same work as dsfab's loads.
+    force  : (n, 3) newtons on the vertices, which include the part of `spread` on the vertices.
     spread : loads per area and per length, which also act on the bubble functions of edges.
 
-    The quadratic shape function of a middle node is the bubble of its edge. That of a corner is its hat function minus
-    half of the bubbles of its edges. So middles take the force on the bubbles, and corners lose half of that force."""
+    The quadratic shape function of a middle node is the bubble function of its edge. That of a corner is its linear
+    function minus half of the bubble functions of its edges. So a middle node takes the force on its bubble function,
+    and each end of its edge loses half of that force."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
@@ -52,8 +53,8 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
-    """Return a mask (n + e, 3) of the held directions of all nodes for each support, from masks (n, 3) of vertices.
-    A middle of an edge follows `held_middles`; between two supports, it belongs to the first that holds an end."""
+    """Return the held directions of all nodes as a mask (n + e, 3) for each support, from masks (n, 3) of vertices.
+    Middles follow `held_middles`; if two supports hold the ends of an edge, its middle belongs to the first."""
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
     directions = {}
@@ -76,7 +77,7 @@ def six_node_model(
     element: Element = "S6",
     axis: int = 2,
 ) -> CalculixModel:
-    """Return the CalculiX model of a sheet. Faces that are fixed in all directions do not rotate, as in dsfab.
+    """Return the CalculiX model of a sheet. Faces whose nodes are all fixed do not rotate, as in dsfab.
     supports : (n, 3) mask of held directions of the vertices, by name of the support.
     steps    : (n + e, 3) newtons, by name of the step, see `nodal_forces`.
     springs  : (n, 3) newtons per metre at the vertices.
@@ -100,7 +101,7 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return the numbers (3,) of the coordinates that become x, y and z of a file for a view along `axis`."""
+    """Return which coordinates (3,) of the surface become x, y and z of the file, if the sheet is seen along `axis`."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
@@ -112,7 +113,7 @@ def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
         raise StaticsError("a sheet that is not flat cannot be solved in its plane; choose S6 elements")
     turn = axes_of_file(axis)
-    nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # + 0.0 makes 0 from -0
+    nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # + 0.0 turns -0 into 0
     notes = list(model.notes)
     if axis != 2:
         notes.append(f"AXES: x and y of this file are {'xyz'[turn[0]]} and {'xyz'[turn[1]]} of the surface")
@@ -144,7 +145,7 @@ LOADS = {
     "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
     "cut": "Loads are those of the cut sheet: its own weight, and loads of coverings on the material nearest to them",
 }
-"""Sentence about the loads of each kind of model."""
+"""Sentence about the loads, for a model of the uncut and of the cut sheet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,9 +175,9 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
 
 
 def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
-    """Return the model of a design's cut sheet, with the loads of the uncut surface on its vertices (`sheet_load`)."""
+    """Return the model of a design's cut sheet. `sheet_load` moves the loads of the uncut surface to its vertices."""
     sheet, preset = design.sheet, design.preset
-    nothing = SpreadLoad.broadcast(sheet.surface)  # the forces at vertices include spread loads
+    nothing = SpreadLoad.broadcast(sheet.surface)  # spread loads are already part of the vertex forces
     acting = [
         Loading(name, sheet_load(design.surface, sheet, case.load), nothing, case.factors)
         for name, case in design.statics.cases.items()
@@ -257,7 +258,7 @@ def _check_model(
 def _answers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], cases: Mapping[str, LoadCase]
 ) -> dict[str, Equilibrium]:
-    """Return results by elements that have the displacements of six-node triangles."""
+    """Return results by elements whose displacements are quadratic, like those of six-node triangles."""
     spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")

@@ -37,7 +37,7 @@ class Comparison:
     """A design and its competitors under the loads that the pattern follows; a smaller compliance is stiffer.
     Compliances of several load cases are added with the weights of [diffusion].
     task      : the common input.    pattern : quality of the design's pattern, unless its widths are scaled.
-    looked_at : alternatives that are not among the competitors."""
+    looked_at : alternatives that are not among the competitors; a fast solve compares them."""
 
     name: str
     task: ComparisonTask
@@ -49,12 +49,12 @@ class Comparison:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """A thinner sheet and isotropic stripes: as judged if they are competitors, else from `looked_at`."""
+        """A thinner sheet and isotropic stripes, from the competitors if they are among them, else from `looked_at`."""
         judged = judged_alternatives(self.design, self.rivals)
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
-        """Return the comparison with a fast solve of the alternatives that are not competitors."""
+        """Return the comparison, after a fast solve of those alternatives that are not competitors."""
         missing = [name for name in ALTERNATIVE_WORDS if name not in {rival.name for rival in self.rivals}]
         structure = self.design.structure
         return replace(self, looked_at=alternatives(self.task, structure, missing)) if structure and missing else self
@@ -104,8 +104,8 @@ def comparison(
 ) -> Comparison:
     """Compare the compliance of the design's cut sheet with competitors of the same mass.
     against : names of `BASELINES`.     judge : judge of the design and the full sheet.
-    rival_judge : judge of the competitors, for the best variant by `quick`; default: `judge`.
-    refuse  : whether a design that does not carry its loads raises an error. If False, the comparison holds the error,
+    rival_judge : judge of the competitors, default `judge`; of several variants it judges the best one by `quick`.
+    refuse  : True to raise an error if the design does not carry its loads. If False, the comparison holds the error,
               and a design that cannot be cut has no competitors.
     Raises StaticsError if the design does not carry its loads, for instance a concentrated load on a loose piece.
     Raises DsfabError for unknown names."""
@@ -131,7 +131,7 @@ def compare_at(
     judge: Judge = quick,
     report: NameReport | None = None,
 ) -> Comparison:
-    """Compare sheets that cover `share` of the surface; the design's widths are scaled to this share. If the design
+    """Compare sheets whose material covers `share` of the surface; the design's widths are scaled to it. If the design
     does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names, and for a share that
     is not between 0 and 1."""
     rivals = baselines_by_name(against)
@@ -218,15 +218,15 @@ def _smallest_member(structure: Structure) -> float | None:
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # for full checks; True: sheet solved in its plane
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # time of a full check; True: flat sheet loaded in its plane
 Level = Literal["quick", "full"]
 
 
 @dataclass(frozen=True)
 class Checks:
-    """Depth of the checks of a comparison.
+    """Options for the checks of a comparison: one solve (quick), or several meshes with an error bound (full).
     level  : quick or full. None: full for the design, and for competitors if all checks take less than a minute.
-    ask    : number of frequencies and of load factors to compute.        memory : limit of a full check, bytes."""
+    ask    : number of frequencies and buckling factors to compute.        memory : limit of a full check, bytes."""
 
     level: str | None = None
     ask: ResultRequest | None = None
@@ -234,9 +234,9 @@ class Checks:
     progress: Progress = silent
 
     def judge(self, depth: str, every: bool = False) -> Judge:
-        """Return the judge of a depth: quick, full, or whole (full for whole sheets, quick for cut sheets).
-        Depth "whole" is for whole sheets with coarse meshes, on which one solve is inexact.
-        every : whether to judge all cases."""
+        """Return the judge for a depth: quick, full or whole. "whole" is full for uncut sheets, whose coarse meshes
+        make one solve inexact, and quick for cut sheets.
+        every : True to judge all cases; else only those that the pattern follows."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
         if depth == "full":
@@ -246,7 +246,7 @@ class Checks:
 
 class Judges(NamedTuple):
     """The judge of the design (for all cases) and the judge of its competitors.
-    told : reason why competitors get one solve only; '' for a full check."""
+    told : reason why cut competitors get one solve only; '' if they do not."""
 
     own: Judge
     rival: Judge
@@ -273,7 +273,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
         whole_sheets = 1 + ("thinner" in names)
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
-        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core and two meshes
+        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core, with two meshes
         if seconds > 60:
             reason = f"full checks of all would take about {seconds:.0f} s: cut competitors are judged by one solve"
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)
@@ -282,7 +282,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
 
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
-    """Return the judge `full` for comparisons at many shares of one surface. It judges equal whole sheets only once.
+    """Return the judge `full` for comparisons at many shares of one surface. It judges equal uncut sheets only once.
     memory : bytes that the solver may take."""
     judge = partial(full, budget=memory)
     return _full_for_whole_sheets(judge, judge)
@@ -296,7 +296,7 @@ def _can_be_cut(design: Design) -> bool:
 
 
 def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
-    """Return a judge that uses `cut` for cut sheets; `whole_judge` judges whole sheets once for each thickness."""
+    """Return a judge that uses `cut` for cut sheets, and `whole_judge` for uncut sheets, once for each thickness."""
     judgements: dict[float, Judgement] = {}
 
     def judge(task: ComparisonTask, structure: Structure) -> Judgement:

@@ -24,8 +24,8 @@ from dsfab.thickening.wall_thickness import Wall, thinnest_wall
 @dataclass(frozen=True, eq=False)
 class Check:
     """A limit and its measured value, metres (three lengths each for `bed`).
-    name  : key of [fabrication].    value, place, what : empty if the design has no such feature.
-    asked : True for a limit of the preset's [fabrication]; False for a limit of `least_widths`."""
+    name  : key of [fabrication].    value, place, what : measured value, its place and its name; else empty.
+    asked : True if the preset sets the limit; False if `least_widths` gives it."""
 
     name: str
     limit: tuple[float, ...]
@@ -38,7 +38,7 @@ class Check:
 
 @dataclass(frozen=True)
 class PieceContacts:
-    """A piece of the sheet with its area (m2), and the numbers, from 1, of the supports and loads that act on it.
+    """A connected piece of the sheet with its area (m2). supports, loads : numbers, from 1, of those that act on it.
     names : of these supports and loads."""
 
     area: float
@@ -88,9 +88,8 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
-    """Return reasons, as clauses, against an export without the user's consent. Reasons are loads without support, and
-    a sheet thinned to a film. In a workshop design, members and openings under a millimetre and under their limit are
-    reasons, too.
+    """Return reasons (clauses) why an export needs the user's consent: loads without support, and places where the
+    sheet had to become as thin as a film; in a workshop design, members and openings under 1 mm and their limit.
     measured : measures of the design; None leaves out the reasons that need measures."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
@@ -108,8 +107,8 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
 
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
-    """Raise PatternError for `refusals`, unless the preset accepts them (`fabrication.accept`).
-    measure : whether to measure a workshop design if `measured` is None."""
+    """Raise PatternError if there are `refusals` and the preset does not accept them (`fabrication.accept`).
+    measure : True to measure a workshop design if `measured` is None."""
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):
@@ -158,9 +157,9 @@ def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
     return [int(k) for k in np.unique(label[is_touched[design.sheet.surface.F].any(axis=1)])]
 
 
-ATTEMPTS = 8  # most changes of a design, because each change takes a whole run
-MARGIN = 1.02  # requested width divided by its limit, because slicing moves lines slightly
-COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor on frequencies, if wider members do not suffice
+ATTEMPTS = 8  # largest number of changes of a design; each takes a whole run
+MARGIN = 1.02  # requested width divided by the limit: slicing may narrow it slightly
+COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor by which frequencies are lowered at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,10 +173,10 @@ class FixedDesign:
 
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
     """Return the design, changed until no check of its [fabrication] fails.
-    pattern.width.min_width widens members, if necessary also the rim or the kept region. pattern.width.min_gap fills
-    gaps between stripes of a family, slicing.min_opening gaps between families. Later changes also lower the
-    frequencies. Each design uses unchanged stages of the previous design. Raises PatternError if another section must
-    change (walls, bed), or if `ATTEMPTS` changes do not suffice."""
+    For wider members, pattern.width.min_width is raised, or the width of the rim or of the kept region. For wider gaps,
+    pattern.width.min_gap is raised, then slicing.min_opening. Later changes also lower the frequencies.
+    Stages that do not change are not computed again. Raises PatternError if only the thickness or the machine could
+    meet a limit, or if `ATTEMPTS` changes do not suffice."""
     original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
         if not measured.failed_checks:
@@ -234,7 +233,7 @@ def _fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, A
 
 
 def spacing_changes(design: Design, factor: float) -> dict[str, Any]:
-    """Return values of the preset, by dotted key, for stripes with `factor` times the spacing."""
+    """Return preset keys, such as pattern.major.spacing, with the values that multiply the spacing by `factor`."""
     pattern, changes = design.preset.pattern, dict[str, Any]()
     for name, family in zip(pattern.family_names, pattern.drawn_families, strict=True):
         if family.spacing or design.pattern.even:
@@ -259,7 +258,7 @@ def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def _raised_value(value: float, check: Check) -> float:
-    """Return a larger width: the limit or, if the limit did not suffice, at most 1.25 times the old width."""
+    """Return a larger width: the limit, or up to 1.25 times the old width if that was already above the limit."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)

@@ -31,15 +31,15 @@ from dsfab.surface import LoadCase
 @dataclass(frozen=True)
 class CaseResponse:
     """Response of a sheet to a load.
-    compliance, displacement : joules, and metres with the place.
-    stress, tension, compression : Pa, on the finest solved mesh; see `dsfab.study.verdict.estimates`.
+    compliance, displacement : joules, and largest displacement (m) with its place.
+    stress, tension, compression : largest values (Pa) on the finest solved mesh; see `dsfab.study.verdict.estimates`.
     triangles   : number of triangles of that mesh.
-    utilisation : stress over strength: the value that 99 % of the area does not exceed, and the largest value at a
-                  rib's width or more from corners.
+    utilisation : stress divided by strength: the value that 99 % of the area does not exceed, and the largest value at
+                  least a rib's width away from corners.
     reactions   : (3,) newtons, of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
-    buckling, frequency : lowest load factor, and hertz; None without a request or a result.
-    buckling_bound, frequency_bound : half width of the interval, divided by the value; None for one mesh.
+    buckling, frequency : lowest buckling factor and frequency (Hz); None if not requested or not found.
+    buckling_bound, frequency_bound : relative error bounds; None for one mesh.
     refusals    : reasons for missing values.
     assumed     : assumptions about the supports for buckling and frequency, see `dsfab.statics.mode_supports`; or ''.
     local       : clause about a local buckling mode, see `dsfab.statics.lowest_buckling`; or ''."""
@@ -68,10 +68,10 @@ class Judgement:
     """Result of a judge for a structure.
     compliance : joules, the weighted sum over the loads that the pattern follows.
     bound      : relative error bound; None without a bound.
-    verdict    : status of the bound; `reason` explains the status.
+    verdict    : `pass` if the bound is small enough; `reason` explains it.
     cases      : response to each load by its name, by one solve on the unrefined mesh.
     check      : the verdict on several meshes; None for one mesh.
-    theory     : share by which a solid may be softer than the shell, see `dsfab.study.verdict`; None for one mesh."""
+    theory     : fraction by which a solid may be softer than the shell, see `theory_share`; None for one mesh."""
 
     compliance: float
     cases: Mapping[str, CaseResponse]
@@ -96,7 +96,7 @@ Judge = Callable[[ComparisonTask, Structure], Judgement]  # raises DsfabError if
 
 @dataclass(frozen=True, eq=False)
 class AnsweredLoad:
-    """A load on a cut sheet, and its equilibrium and stress on the unrefined mesh."""
+    """A load on a cut sheet, with the equilibrium and stress under it on the unrefined mesh."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -120,11 +120,10 @@ def quick(
     task: ComparisonTask, structure: Structure, ask: ResultRequest | None = None, every: bool = False
 ) -> Judgement:
     """Judge by one solve on the unrefined mesh: compliance, displacements, stress and reactions. The error is typically
-    within 2 %, and for nine designs in ten within 5 %, which is the bound. Such a judgement can compare similar sheets,
-    but gives no verdict. Whole sheets that bend get a bound of 50 %, because the dome's thinner sheet had an error of
-    32 %.
-    ask   : requested frequencies and load factors; only the lowest is computed.
-    every : whether to judge all cases and combinations, or only those that the pattern follows.
+    within 2 %, and for nine designs in ten within 5 %, which is the bound. This is enough to compare similar sheets,
+    but not for a verdict. Uncut sheets that bend get a bound of 50 %, because one of them had an error of 32 %.
+    ask   : requested frequencies and buckling factors; only the lowest are computed.
+    every : True to judge all cases and combinations; else only those that the pattern follows.
     Raises StaticsError as `solved_loads`."""
     answers, request = solved_loads(task, structure, every), ask or ResultRequest()
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
@@ -200,11 +199,11 @@ def full(
     budget: float = BUDGET,
     progress: Progress | None = None,
 ) -> Judgement:
-    """Judge like `quick`, but with compliance, buckling and frequency from finer meshes, and their bounds. Compliance
-    comes from `dsfab.study.verdict.check`, modes from `mode_intervals`, stress from the finest mesh, and displacements
-    and reactions from the unrefined mesh. If the budget allows no solve, all results are those of `quick`.
-    every : whether to judge all cases and combinations; the verdict is `fail` if only the followed loads are carried.
-    ask   : as for `quick`.         budget : bytes.
+    """Judge like `quick`, but take compliance, buckling and frequency with error bounds from finer meshes (see
+    `dsfab.study.verdict.check` and `mode_intervals`), and stress from the finest mesh. Displacements and reactions are
+    those of the unrefined mesh. If the memory is too small for this, all results are those of `quick`.
+    every : True to judge all cases and combinations; the verdict is `fail` if only the followed loads are carried.
+    ask   : as for `quick`.         budget : memory, bytes.
     Raises StaticsError if the structure does not carry the loads that its pattern follows."""
     try:
         quick_judgement = quick(task, structure, None, every)

@@ -1,4 +1,4 @@
-"""Sizing: the thinnest sheet of the stock with which the cut structure meets the targets of [sizing]."""
+"""Sizing: the thinnest sheet, of those on sale, with which the cut structure meets the targets of [sizing]."""
 
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
@@ -19,22 +19,22 @@ from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_loads, use_
 from dsfab.study.fabrication import spacing_changes
 
 REACH, REACH_UP = 3.0, 6.0
-"""Largest ratio of the first guess to a tried thickness, and of a tried thickness to the first guess. Within these
-ratios solves at two thicknesses suffice. The guess follows from the span only; a footbridge of 28 m under people needs
-over 3 times the guess."""
-OWN_CUTS = 2  # Most designs that are cut with their own thickness; the second is one step thicker or thinner.
+"""Tried thicknesses lie between a third of the first guess and six times the guess. In this range, solves at two
+thicknesses give the results for all others. The guess follows only from the span: a footbridge of 28 m with people on
+it needs over 3 times the guess."""
+OWN_CUTS = 2  # Largest number of designs that are cut again for their own thickness.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
-MORE, MOST = 1.3, 0.75  # Factor on the share or width of members if no thickness suffices, and the largest share.
+MORE, MOST = 1.3, 0.75  # Factor on the material if no thickness suffices, and its largest share of the surface.
 CLOSER = 0.75  # Factor on the spacing of members if more material does not suffice.
 
 
 @dataclass(frozen=True)
 class SizingTrial:
-    """A tried thickness (m), and figures of the cut sheet as in `Carrying`.
+    """A tried thickness (m), and results for the cut sheet as in `Carrying`.
     share    : of the surface that is material.     movement : divided by the span.     buckling : inf if unknown.
     utilisation : None if it was not needed for the choice.
-    excess   : by target, the figure divided by its limit, or the limit by the figure; up to 1 the target is met.
-    is_final : true if the design was cut with this thickness, false for the cut of another thickness."""
+    excess   : ratio of result to limit for each target (limit to result for buckling); up to 1 the target is met.
+    is_final : True if the pattern was cut for this thickness, False if it was cut for another thickness."""
 
     thickness: float
     share: float
@@ -51,7 +51,7 @@ class SizingTrial:
 
     @property
     def row(self) -> tuple[str, ...]:
-        """Texts for a row of a table."""
+        """The trial as texts in a row of a table."""
         missed = ", ".join(name for name, value in self.excess.items() if value > 1)
         moved = f"span / {1 / self.movement:.0f}" if self.movement > 0 else "none"
         moved = moved if self.movement < 1 else "over its span"
@@ -65,7 +65,7 @@ class SizingTrial:
 @dataclass(frozen=True)
 class SizingResult:
     """The trials behind a design; the last trial is that of the design.
-    stock : words for the origin of the thicknesses.     changes : changed values of the pattern, by dotted key."""
+    stock : source of the list of thicknesses.     changes : changed values of the pattern, by dotted key."""
 
     trials: tuple[SizingTrial, ...]
     stock: str
@@ -77,8 +77,8 @@ class SizingResult:
         return self.trials[-1].worst <= 1
 
     def lines(self, every: bool = False) -> Iterator[str]:
-        """Yield a table of the trials, then remarks. The short table has the thicknesses next to the chosen one, or
-        one for each pattern. every : True for all thicknesses."""
+        """Yield a table of the trials, then remarks.
+        every : True for all; else the chosen thickness and, if only one pattern was tried, the next thinner one."""
         thickness, stock = self.trials[-1].thickness, sorted({trial.thickness for trial in self.trials})
         k = stock.index(thickness)
         shown = stock[max(0, k - 1) : k + 1] if len(self.trials) <= len(stock) + OWN_CUTS else [thickness]
@@ -97,7 +97,7 @@ class SizingResult:
             )
 
     def facts(self) -> dict[str, Any]:
-        """Return the key `sizing` of `design.json`, in SI units; unknown figures are None."""
+        """Return the key `sizing` of `design.json`, in SI units; unknown values are None."""
 
         def finite(values: dict[str, Any]) -> dict[str, Any]:
             return {key: None if value == float("inf") else value for key, value in values.items()}
@@ -136,10 +136,10 @@ def guessed_preset(preset: Preset) -> Preset:
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design with the thinnest sheet that meets the targets of [sizing], up to slicing.
 
-    The cut sheet of a first guess is solved at two thicknesses, which gives the figures of the whole stock. The design
-    is then cut with the thinnest sufficient thickness, and solved again. If it misses a target, the next thickness
-    follows; if a thinner sheet may suffice, the next thinner one follows. If no thickness suffices, the pattern gets
-    more material, then also a smaller spacing. If this does not suffice, the best trial is returned.
+    A sheet is cut for a first guess and solved at two thicknesses, which gives the results for all thicknesses on sale.
+    The thinnest sufficient one is then cut again and solved. If it misses a target, the next thicker one is tried; if a
+    thinner one may suffice, the next thinner one. If no thickness suffices, the pattern gets more material, then also a
+    smaller spacing. If this does not suffice either, the design that comes nearest to the targets is returned.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
     guess = guessed_preset(preset)
@@ -169,7 +169,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
 
 
 def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Design:
-    """Return the design of a first guess; if its uncut sheet moves too much, the design of the thickest sheet (m)."""
+    """Return the design of a first guess, or of the thickness `thickest` (m) if the uncut guess moves too much."""
     design = Design.from_preset(guess, None, progress)
     is_refused = bool(refusal(guess, design.statics))
     return Design.from_preset(guess.with_thickness(thickest), design, progress) if is_refused else design
@@ -178,8 +178,8 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
 def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
-    """Return trials of designs that are cut with their own thickness, and the thinnest sufficient design; its trial is
-    the last. With wider members and larger fillets, a thinner sheet may suffice than on the first cut."""
+    """Return trials of designs that are cut again for their own thickness, and the thinnest sufficient design, whose
+    trial is the last. The new cut has other widths and fillets, so a thinner sheet may suffice."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     start = next((k for k, row in enumerate(rows.trials) if row.worst <= 1), count)
     k = bisect_left(range(count), True, lo=start, key=lambda k: rows.full_trial(k).worst <= 1)
@@ -205,7 +205,7 @@ def _with_result(design: Design, result: SizingResult) -> Design:
 
 
 def _stock(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
-    """Return the thicknesses to try (m), ascending, and words for their origin. guess : metres."""
+    """Return the thicknesses to try (m), ascending, and the source of this list. guess : metres."""
     if preset.sizing.thicknesses:
         return sorted(preset.sizing.thicknesses), "sizing.thicknesses of the preset"
     stock = STOCK.get(preset.statics.material or "")
@@ -219,7 +219,7 @@ def _stock(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
 
 
 def _changes(design: Design) -> list[dict[str, Any]]:
-    """Return changes of the pattern in the order of trials: none, more material, and also a smaller spacing."""
+    """Return the changes of the pattern to try in turn: none, more material, then also a smaller spacing."""
     width, wider = design.preset.pattern.width, dict[str, Any]()
     if width.solid_fraction:
         wider["pattern.width.solid_fraction"] = two_digits(min(MORE * width.solid_fraction, MOST))
@@ -230,7 +230,7 @@ def _changes(design: Design) -> list[dict[str, Any]]:
 
 @dataclass
 class _StockTrials:
-    """Trials of each thickness of a stock on one cut sheet."""
+    """Trials of one cut sheet with each thickness of a list."""
 
     design: Design
     basis: ThicknessBasis
@@ -262,10 +262,10 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
-    """Return the trial of a solved structure. row : the trial of the same thickness on the cut of another thickness;
+    """Return the trial of a solved structure. row : an earlier trial of this thickness on a sheet cut for another one;
     its buckling factor is used if `carrying` could not compute one."""
     targets = design.preset.sizing
-    use = outcome.use.value if outcome.use else float("inf") if row else None  # None for trials of a stock
+    use = outcome.use.value if outcome.use else float("inf") if row else None  # not yet computed in trials of a list
     movement = outcome.movement.share if outcome.movement else float("inf")
     factor = outcome.buckling or (row.buckling if row else float("inf"))
     excess: dict[str, float] = {} if use is None else {"utilisation": use / targets.utilisation}

@@ -1,4 +1,4 @@
-"""Values of `--vary`: parsing, all combinations, their best order, and the expected time to draw them."""
+"""Values of the option `--vary`: parsing, combinations, their best order, and the expected time for pictures."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,7 +39,7 @@ def _range(text: str, values: str) -> list[Any]:
             f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT with a whole COUNT, such as 4:24:6"
         ) from None
     if not (isfinite(start) and isfinite(end)):
-        raise DsfabError(f"--vary {text!r} does not run between two numbers; write for instance 4:24:6")
+        raise DsfabError(f"--vary {text!r} does not run between two finite numbers; write for instance 4:24:6")
     if steps < 1:
         raise DsfabError(f"--vary {text!r} has {steps} values; the last number of a range (count) must be 1 or more")
     if steps > 1 and start == end:
@@ -76,7 +76,7 @@ def stage_of(key: str) -> int:
 
 
 def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a text of the changed values for each stage; two runs share all stages before the first difference."""
+    """Return the changed values of each stage as a text. Two runs share all stages before the first different text."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
         section = key.split(".")[0]
@@ -86,8 +86,8 @@ def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Return the indices of the runs in an order in which successive runs share many stages.
-    Keys of early stages change least often; values of a stage keep the order of their first appearance."""
+    """Return the indices of the runs in an order that lets successive runs share many stages: keys of early stages
+    change least often. Values of a stage keep the order in which they first appear."""
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
     for texts in signatures:
@@ -98,7 +98,7 @@ def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
 
 
 def expected_seconds(values: Values, stages: Mapping[str, float], picture: float) -> float:
-    """Estimate the seconds for all pictures, from the seconds of each stage and of one picture."""
+    """Return the expected time (s) for all pictures, from the times of each stage and of one picture."""
     total = picture * count(values)
     for stage, seconds in stages.items():
         # a stage runs once for each combination of the values of its keys and of earlier keys
@@ -114,7 +114,7 @@ def spelled_value(value: Any) -> str:
 
 
 def short_names(keys: Sequence[str]) -> dict[str, str]:
-    """Return the shortest unique ending of each key: frequency, or major.frequency beside minor.frequency."""
+    """Return the shortest unique ending of each key, such as frequency, or major.frequency if both families have it."""
     names = {}
     for key in keys:
         words = key.split(".")

@@ -1,4 +1,4 @@
-"""The archive `design.npz` of a design, which dsfab reads later without solving again; lines and fields of a design."""
+"""Lines and fields of a design, and its archive `design.npz`, from which dsfab reads it without solving again."""
 
 import json
 import zipfile
@@ -29,8 +29,8 @@ from dsfab.thickening import Repairs, Solid
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
     """Return the edges of the sheet by family, then the centre lines of its members, in metres on the middle surface.
-    tolerance : largest distance (m) from omitted points to the simplified lines; lengths are those of the full lines.
-    A family without stripes, or with stripes that touch everywhere, has no centre lines."""
+    tolerance : largest distance (m) of removed points from the simplified lines; the stated lengths do not change.
+    A family has no centre lines if it has no stripes, or if its stripes touch everywhere."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
     lines = edge_lines(sheet, surface, pattern.names, phases)
@@ -48,8 +48,8 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
 
 
 def stripe_phase(design: Design, k: int) -> Phase:
-    """Return the phase of field k, which is an integer on centre lines; None for a field without stripes.
-    The phase is given at the vertices (n,), or at the corners of faces if vertices have several values."""
+    """Return the phase of field k, which is a whole number on centre lines; None for a field without stripes.
+    It has values at the vertices (n,), or at corners of faces if a vertex has several values."""
     pattern = design.pattern
     field = pattern.fields[k]
     if pattern.names[k] not in STRIPES:
@@ -66,12 +66,11 @@ def stripe_phase(design: Design, k: int) -> Phase:
 def design_fields(design: Design) -> dict[str, Floats]:
     """Return fields by name, at the vertices (n, ...) or in the faces (m, ...).
 
-    Vertices: displacement of every load case, forces, supports and modes; for each family the phase z (an integer on
-    centre lines), the half-width d and the wave of z. Faces: stress in xyz, principal values of the diffusion tensors
-    times gamma, and the isotropic faces.
+    At vertices: displacement of every load case, forces, supports and modes; for each family the phase z (a whole
+    number on centre lines), the half-width d and the wave of z. In faces: stress in xyz, principal values of the
+    diffusion tensors times gamma, and the mask of isotropic faces.
 
-    Evenly spaced stripes have no phase at vertices, but the distance from the nearest centre line and the density of
-    lines; d and the wave refer to these lines."""
+    In place of the phase, evenly spaced stripes have the distance from the nearest centre line, and lines per metre."""
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
         "force [N]": design.load.force,
@@ -115,13 +114,13 @@ def _distances(design: Design) -> dict[str, Floats]:
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
-    """Return fields at vertices; at a vertex with several phases, the nearest line counts."""
+    """Return fields at vertices. If a vertex has several phases, the one with the nearest line counts."""
     name, chart, density = STRIPES[family], even.chart, even.density[:, family]
     weights = chart.weights.tocoo()
     row, vertex = (index.astype(np.int64) for index in weights.coords)
     on_vertex = (weights.data >= ON_SIMPLEX) & (chart.scale[row, family] > 0)
     z = chart.z[row[on_vertex], family]
-    distance = np.full(len(density), 0.5)  # for vertices without a line
+    distance = np.full(len(density), 0.5)  # half a period, at vertices without a line
     np.minimum.at(distance, vertex[on_vertex], np.abs(z - np.rint(z)))
     return {
         f"{name} middle [m]": distance / density,
@@ -136,7 +135,7 @@ STEERED = ("along", "guided", "over")  # Fields of `StripeSteering` in the archi
 
 
 def field_arrays(key: str, field: Field) -> Arrays:
-    """Return the arrays that store a field, by name; `key` is the name of a plain array of values."""
+    """Return the arrays that store a field, by name. key : name of the array of values, and start of other names."""
     if isinstance(field, DividedField):
         divided = field.divided
         rows = {"data": divided.weights.data, "indices": divided.weights.indices, "indptr": divided.weights.indptr}
@@ -150,7 +149,7 @@ def field_arrays(key: str, field: Field) -> Arrays:
 
 
 def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> DividedSurface | None:
-    """Return the surface with divided faces from the arrays part_V (p, 3), metres, part_F ...; None without them."""
+    """Return the surface with divided faces from arrays such as part_V (p, 3), metres; None if there are none."""
     if "part_V" not in arrays:
         return None
     parts = Surface(arrays["part_V"], arrays["part_F"])
@@ -159,7 +158,7 @@ def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divid
 
 
 def field_from(key: str, divided: DividedSurface | None, arrays: Mapping[str, NDArray[Any]]) -> Field:
-    """Return the field of the array `key`: values (n,) or (n, 2) at vertices, or at vertices of divided faces."""
+    """Return the field `key`: values (n,) or (n, 2) at vertices of the surface or of `divided`, or at corners."""
     if f"{key}_sign" not in arrays:
         x = arrays[key]
         return DividedField(divided, x) if divided and len(x) == divided.surface.n else x
@@ -184,7 +183,7 @@ def even_arrays(even: EvenStripes) -> Arrays:
 
 
 def even_stripes_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes | None:
-    """Return the evenly spaced stripes from arrays such as even_slope (n, 2); None without such arrays."""
+    """Return the evenly spaced stripes from arrays such as even_slope (n, 2); None if there are none."""
     if "even_slope" not in arrays:
         return None
     names = ("value", "sign", "shift", "singular")
@@ -209,13 +208,14 @@ def _rounded_integers(array: Floats) -> NDArray[Any]:
 NAME = "design.npz"
 LAYOUT = 2  # Version of the archive; dsfab does not read other versions.
 MADE_BY = tuple(stage for stage in STAGES if stage != "export")  # Sections of a preset that determine a design.
-MESH = "surface.ply"  # File for a mesh from Python, metres, without rounding.
+MESH = "surface.ply"  # File for a mesh that came from Python; metres, not rounded.
 _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """Return the preset for a folder: mesh files in the folder have no path, and curves replace references to drawings.
-    folder : receives a mesh that is not in a file.    home : the final path of this folder.
+    """Return the preset as it is written into a folder: a mesh file in this folder is named without its path, and
+    curves replace references to drawings.
+    folder : a mesh from Python is written here.    home : the final path of this folder.
     Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface
@@ -283,7 +283,7 @@ def read_archive(folder: Path, preset: Preset) -> Design | None:
 
 
 def sections(preset: Preset) -> dict[str, Any]:
-    """Return the sections that determine a design, as JSON, with the values of a material in place of its name."""
+    """Return the sections that determine a design, as plain values, with those of the material in place of its name."""
     values: dict[str, Any] = json.loads(preset.model_dump_json(include=set(MADE_BY), exclude={"statics": {"material"}}))
     return values
 

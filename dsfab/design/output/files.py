@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
 class OpenedSurface(NamedTuple):
     """A one-sided surface, such as a Moebius strip, after a cut along a seam.
-    given   : the surface before the cut, with n vertices and m faces.    turned : (m,) True for faces turned over.
+    given   : the surface before the cut, with n vertices and m faces.    turned : (m,) True where the normal is
+              reversed.
     surface : the cut surface, with more vertices (n') and the same faces in the same order.
     twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam."""
 
@@ -46,13 +47,13 @@ class OpenedSurface(NamedTuple):
     twins: Ints
 
     def offsets(self, corners: Floats) -> Floats:
-        """Return half-thickness vectors (n', 3) of the cut surface, from the vectors (m, 3, 3) at corners of faces."""
+        """Return half-thickness vectors (n', 3) of the cut surface, from those (m, 3, 3) at corners of faces."""
         vectors = np.zeros((self.surface.n, 3))
         vectors[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet, cut along the seam, with its cells in order; and pairs (k, 2) of half-edges of the seam."""
+        """Return a sheet cut along the seam, with its cells in order, and pairs (k, 2) of half-edges at the seam."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -75,11 +76,11 @@ class OpenedSurface(NamedTuple):
 
 
 def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
-    """Return a surface cut along a seam, mostly outside of its sheet; None if no piece is one-sided."""
+    """Return a surface cut along a seam, which avoids the sheet's material; None if no piece is one-sided."""
     if not one_sided_pieces(surface.F, surface.edges).any():
         return None
     kept_share = np.bincount(sheet.parent, sheet.surface.areas, surface.m) / surface.areas
-    metre_cost = 0.1 + kept_share  # a metre of seam costs 0.1 in openings and 1.1 in material
+    metre_cost = 0.1 + kept_share  # cost of a metre of seam: 0.1 in openings, 1.1 in material
     turned = _turned_for_shortest_seam(surface, metre_cost)
     if turned is None:
         turned = flips_along_tree(surface.F, surface.edges)
@@ -95,8 +96,8 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
-    """Return faces (m,) to turn over for the shortest seam; None if this does not give one two-sided piece.
-    The seam runs from boundary to boundary. It crosses a loop that changes sides an odd number of times.
+    """Return faces (m,) whose normal must be reversed for the shortest seam; None if no seam gives a two-sided piece.
+    The seam runs from boundary to boundary. It crosses a path that returns on the other side an odd number of times.
     counts : (m,) cost of a metre of seam beside each face."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
@@ -113,7 +114,7 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
         np.append(ends[:, 0], border),
         np.append(ends[:, 1], outer),
         np.append(crossed % 2, 0 * outer),
-        np.append(lengths, np.full(len(border), 1e-12)),  # a path along the boundary costs nothing
+        np.append(lengths, np.full(len(border), 1e-12)),  # moving along the boundary costs almost nothing
         n,
         2 * n + 1,
     )
@@ -128,8 +129,8 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
 def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
-    """Return the edges of the shortest path between two nodes, in order; (0,) without a path.
-    Each place has two nodes, one for each side, `count` in all. Edges with `turns` of 1 change the side."""
+    """Return the edges of the shortest path from node `source` to `target`, in order; (0,) if there is no path.
+    Each place has two nodes, one for each side, `count` in all. An edge with `turns` = 1 changes sides."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])
@@ -145,7 +146,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) to turn over for a smooth seam, which contains at most half of each face's outline."""
+    """Return faces (m,) whose normal must be reversed for a smooth seam: it has at most half of each face's outline."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -178,10 +179,10 @@ def _seam(surface: Surface) -> Bools:
 
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
     """Write one file in the format of the suffix of `path`, and read it back as a check; return the path.
-    The file of a design has the same bytes as the file of `dsfab build` or `dsfab export`. It contains the solid with
-    edges and facts, the lines of the sheet, or the fields of the uncut surface, as the format allows. The file of a
-    solid, a sheet or a surface contains only its mesh. `options` of `dsfab.export.write` replace those of the preset.
-    Raises ExportError as `dsfab.export.write`."""
+    The file of a design is the same as that of `dsfab build` or `dsfab export`: depending on the format, the solid with
+    its data, the lines of the sheet, or the fields of the uncut surface. The file of a solid, a sheet or a surface has
+    only its mesh. options : keywords of `dsfab.export.write` in place of the preset's. Raises ExportError as that
+    function."""
     if not isinstance(item, Design):
         return written(item.surface if isinstance(item, Sheet) else item, path, **options)
     format_of(Path(path))
@@ -192,7 +193,7 @@ def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: A
 
 
 def to_build123d(thing: Design | Solid) -> "build123d.Shape":
-    """Return the shape for build123d, millimetres; for a design, the shape of `design.write("x.step")`.
+    """Return a solid, or the solid of a design, as a build123d shape, millimetres.
     Raises ExportError as `write`."""
     import build123d
 
@@ -201,9 +202,9 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 
 
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
-    """Return the part to write, and the keywords for `dsfab.export.write`. suffix : of `FORMATS`, with its dot.
-    The part is the solid for formats of meshes, and for formats with solid and lines. It is the uncut surface for
-    formats of fields, and the sheet for all other formats."""
+    """Return the part of a design to write, and keywords for `dsfab.export.write`. suffix : a key of `FORMATS`.
+    The part is the solid for formats of meshes, and of solids with lines; the uncut surface for formats of fields; and
+    the sheet for others."""
     options, form = design.preset.export, FORMATS[suffix]
     if isinstance(form, MemberFormat):
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
@@ -218,7 +219,7 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         values = design_fields(design) if design.fields is None else design.fields
         return design.surface, {"details": Details(values=values)}
     tolerance = options.step_tolerance or OUTLINE * design.preset.statics.thickness
-    lines = design_lines(design, 0.0 if form.curves else tolerance)  # curves are fitted with the tolerance later
+    lines = design_lines(design, 0.0 if form.curves else tolerance)  # curves are fitted later, with this tolerance
     details = Details(lines, tolerance, facts=_facts(design))
     return (design.solid if form.content == "solid and lines" else design.sheet.surface), {"details": details}
 
@@ -239,7 +240,7 @@ PLATES = ("disc", "plate", "fill")  # Kinds of members that are not bars.
 
 
 def member_shapes(design: Design) -> tuple[MemberShape, ...]:
-    """Return bodies of the members, metres, in the order of their names.
+    """Return the members as separate bodies, metres, in the order of their names.
     Bodies overlap at crossings, so the sum of their volumes exceeds the volume of the solid."""
     sheet, options = design.members.sheet, design.preset.thickening
     offset = offsets(design.surface, design.preset.statics.thickness, options.side)
@@ -271,7 +272,7 @@ _MEMBER_DETAILS: dict[MemberContent, Callable[[Design], Details]] = {
     "utilisation": lambda design: Details(utilisation=design.member_utilisation),
     "frame": frame_details,
 }
-"""Functions from a design to the content of a file of members."""
+"""Functions that return the content of a file about members, by kind of content."""
 
 
 def step_options(options: Export) -> StepOptions:
@@ -319,8 +320,8 @@ def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Str
 
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
-    """Return a sheet and the surface from which it was cut; a one-sided surface is cut along a seam.
-    thickness : metres, a number or a value for each vertex (n,)."""
+    """Return a sheet together with its surface, for a smooth STEP file. A one-sided surface is first cut along a seam.
+    thickness : metres, one number or a value for each vertex (n,)."""
     offset, opening, twins = offsets(surface, thickness, side), opened_surface(surface, sheet), NO_PAIRS
     D = offset.D
     if opening:
@@ -331,7 +332,7 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
 
 
 def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
-    """Return the sheet, divided by the largest of the fields (n, c) on the uncut surface. snap : see `cut`."""
+    """Return the sheet, divided into parts in which one of the fields (n, c) is the largest. snap : see `cut`."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
     if count > 1:
@@ -348,9 +349,8 @@ def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) ->
 
 
 def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
-    """Return charts (m,): a face whose chart is largest at no corner gets the chart that is largest at its centre.
-    Where three borders meet, a border may cut off a part that belongs to neither of the remaining charts. Without this
-    correction such a part would get the last chart."""
+    """Return for each face (m,) the number of its largest field (its chart). A face whose field is not the largest at
+    any corner gets the largest one at its centre. Such faces are cut off where three borders meet."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

@@ -24,9 +24,9 @@ from dsfab.preset.proposal.sizes import MODEL, Sizes, shorter_side, sizes
 from dsfab.preset.proposal.text import SHARE, ProposedValues, place_words, proposal_text
 from dsfab.surface import RawMesh, Surface
 
-OWN = "roof"  # Shipped preset for the user's own surface; with `--mesh`, dsfab proposes a preset in its place.
+OWN = "roof"  # Shipped preset without a surface; with `--mesh`, dsfab proposes a preset instead.
 LISTED = 4  # Largest number of supports that a decision lists by name.
-NO_WISHES = MeshWishes()  # dsfab chooses supports and loads.
+NO_WISHES = MeshWishes()  # The user has no wishes: dsfab chooses supports and loads.
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +44,12 @@ class Proposal:
 
     @cached_property
     def questions(self) -> tuple[str, ...]:
-        """Doubts that only the user can settle, the most urgent first; each names the option that settles it."""
+        """Questions that only the user can answer, the most urgent first; each names the option for the answer."""
         return tuple(_questions(self))
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """A line for each decision: topic, choice, and the key that changes the choice."""
+        """A line for each decision: topic, choice, and the key with which the user can change it."""
         return _decision_lines(self.decisions)
 
     @property
@@ -92,12 +92,12 @@ def preset_for(
 ) -> Preset:
     """Return the preset of `dsfab new` for the user's own surface, with a first guess of the thickness.
     mesh     : the path of a mesh file, a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces (m, 3).
-    unit     : unit of the mesh: mm, cm, m ...; by default guessed for files without a unit, else metres.
+    unit     : unit of the mesh: mm, cm, m ...; default: that of the file, else a guess; for a mesh from Python metres.
     up       : axis of the mesh that points upwards: x, y, z, -x, -y, -z; by default dsfab guesses this axis.
     material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
     wishes   : supports and loads that the user wants.
-    Raises SurfaceError for an invalid mesh or axis, and PresetError for an unknown material, for a surface without a
-    plausible support, and for wishes that dsfab cannot fulfil."""
+    Raises SurfaceError for an invalid mesh or axis. Raises PresetError for an unknown material, for a surface without a
+    plausible support, and for wishes that cannot be fulfilled."""
     proposal = propose(mesh, unit, up, material, wishes=wishes)
     return proposal.preset.with_thickness(proposal.plan.size.thickness)
 
@@ -112,7 +112,7 @@ def propose(
     wishes: MeshWishes = NO_WISHES,
 ) -> Proposal:
     """Return the proposal with its text and decisions; see `preset_for`.
-    max_triangles : limit for a mesh file, which also limits the reading time.
+    max_triangles : limit for a mesh file; it also limits the time to read the file.
     raw           : content of the file, if the caller has read it."""
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
@@ -174,7 +174,7 @@ def _stands(proposal: Proposal) -> Decision:
 
 
 def _questions(proposal: Proposal) -> Iterator[str]:
-    """Yield the doubts about the unit, the vertical axis and the supports."""
+    """Yield the questions about the unit, the vertical axis and the supports."""
     mesh, choice, winner = proposal.given, proposal.given.choice, proposal.given.choice.best
     if unit := choice.rival_unit:
         words = next(decision.choice for decision in mesh.decisions if decision.topic == "unit")

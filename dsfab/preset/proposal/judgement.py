@@ -1,12 +1,12 @@
-"""Scores of readings by shape and statics, and the choice of unit, vertical axis and supports.
+"""Scores of readings (ways of support) by shape and statics, and the choice of unit, vertical axis and supports.
 
-Score of a reading = form x carries x steady x free. Pieces without a support and unusual axes lower the score, too.
+Score of a reading = form x carries x steady x free. Pieces without a support and unusual axes reduce the score, too.
 
 form    : 0 to 1, from the shape alone (see `readings`).
-carries : 1 / (1 + u^2). u is the larger of movement over `LIMIT` times the span, and stress over strength. The sheet
-          has the usual depth of its kind, and carries its weight and the usual load.
-steady  : 1 if the centre of mass is well inside the supports; less if the sheet tips, or pulls at a support.
-free    : 1 without supported edges, 1 - `EDGE` if all edges are supported: few supports are more probable."""
+carries : 1 / (1 + u^2). u is the larger of two ratios: movement to `LIMIT` times the span, and stress to strength. The
+          sheet has the usual depth of its kind, and carries its weight and the usual load.
+steady  : 1 if the centre of mass is well inside the supports; less if the sheet would tip, or lift from a support.
+free    : 1 if no edge is supported, 1 - `EDGE` if all are: few supports are more probable."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,20 +35,20 @@ DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
 """Usual ratio of the size to the depth of ribs, by kind."""
 LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}
 """Usual load by kind, Pa: snow, services, people, wind."""
-TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: 24 MPa x 0.8 / 1.25.
+TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
-EDGE = 0.5  # Share of its score that a reading loses if it supports all edges.
-UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of files without a unit that use the unit.
-BUILDING, SPREAD = 18.0, 1.1  # Usual length of a building, metres, and standard deviation of its logarithm.
+EDGE = 0.5  # Fraction of the score that a reading loses if all edges are supported.
+UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that name no unit.
+BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of the logarithm.
 LEAST, DOUBT = 0.02, 0.25  # Readings with a score below `LEAST` are not plausible, those below `DOUBT` are doubtful.
-CLOSE = 0.75  # dsfab asks the user about a reading with more than this share of the best score.
+CLOSE = 0.75  # If the score of another reading exceeds this share of the best one, dsfab asks the user.
 OPEN = 0.13  # dsfab asks the user about the second unit if its probability exceeds this value.
-UNDER = 0.7  # Factor on the scores for a vertical axis along which the surface would reach below the ground.
+UNDER = 0.7  # Factor on the scores if the surface would reach below the ground (z = 0).
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedReading:
-    """A reading with its score, and the figures that give the score."""
+    """A way of support (reading) with its score, and the values that give the score."""
 
     reading: SupportReading
     score: float
@@ -63,7 +63,7 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return a reading with its score; 0 for a sheet that can move without resistance. usual : factor for the axis."""
+    """Return a reading with its score, 0 if the sheet could move freely. usual : factor on the score for its axis."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -84,7 +84,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
         return JudgedReading(reading, 0.0, up)
     span = 2 * float(np.max(cKDTree(surface.V[supported]).query(surface.V)[0]))
     if reading.kind in ("roof", "hung"):
-        span = min(span, 2 * shape.width)  # a long span does not excuse a large movement
+        span = min(span, 2 * shape.width)  # a very long span does not allow more movement
     moved = float(np.quantile(lengths(answer.u), 0.99))
     stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
     used = max(moved / (LIMIT * span), stress / STRENGTH)
@@ -99,8 +99,8 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
 
 
 def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
-    """Return 1 if the centre of mass is well inside the supports; less if the sheet tips, pulls at a support or swings.
-    upward  : reaction at each place, newtons.    is_line : true for one long place, which can be clamped."""
+    """Return 1 if the centre of mass is well inside the supports; less if the sheet would tip, swing or lift.
+    upward  : reaction at each place, newtons.    is_line : True for one long support, which can be clamped."""
     if reading.kind in ("wall", "floor"):
         return 1.0
     if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
@@ -117,7 +117,7 @@ def _depth(shape: Shape, kind: str) -> float:
 
 
 def _forces(shape: Shape, kind: str, thick: float) -> Floats:
-    """Return the forces (n, 3), newtons, of the weight and of the usual load of a kind."""
+    """Return the forces (n, 3), newtons, of the weight and of the usual load for a kind such as roof."""
     surface = shape.surface
     down = np.array([0.0, 0.0, -1.0])
     pressure = surface.normals if kind == "wall" else np.abs(surface.normals[:, 2:]) * down
@@ -128,7 +128,7 @@ def _forces(shape: Shape, kind: str, thick: float) -> Floats:
 
 
 def _upward(reading: SupportReading, surface: Surface, rows: Bools, reaction: Floats) -> Floats:
-    """Return the upward reaction at each place, newtons; each supported vertex counts for the nearest place."""
+    """Return the upward reaction at each support, newtons; a supported vertex belongs to the nearest one."""
     points = np.concatenate([place.points for place in reading.places])
     owner = np.repeat(np.arange(len(reading.places)), [len(place.points) for place in reading.places])
     nearest = owner[cKDTree(points).query(surface.V[rows])[1]]
@@ -146,13 +146,13 @@ def _inside(shape: Shape, supported: Bools) -> float:
 
 
 def usual_unit(unit: str, size: float) -> float:
-    """Return how usual a unit is, for a surface whose longest side is `size` in this unit."""
+    """Return a measure of how probable a unit is, for a surface whose longest side is `size` in this unit."""
     return UNITS[unit] * float(np.exp(-0.5 * (np.log(metres_per(unit) * size / BUILDING) / SPREAD) ** 2))
 
 
 def likely_units(shape: Shape) -> list[tuple[str, float]]:
-    """Return (unit, probability), the most probable first, for a shape in the numbers of its file.
-    Buildings have usual sizes. A shape that comes down to the ground must be high enough for people."""
+    """Return pairs (unit, probability), the most probable first, for a shape whose coordinates are those in its file.
+    They follow from usual sizes of buildings; a shape that comes down to the ground must be high enough for people."""
     V = shape.surface.V
     size, plan = float(np.ptp(V, axis=0).max()), V[:, :2] - V[:, :2].mean(axis=0)
     narrow = np.ptp(plan @ np.linalg.svd(plan, full_matrices=False)[2].T, axis=0).min()
@@ -167,7 +167,7 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
 
 @dataclass(frozen=True, eq=False)
 class SupportChoice:
-    """The judged readings of a surface, the best first.
+    """The ways of support of a surface with their scores, the best first.
     unit, units : unit of the surface, and the probability of each unit; `units` is empty if the unit is known."""
 
     ranking: tuple[JudgedReading, ...]
@@ -191,7 +191,7 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two readings with nearly the best score; of each other vertical axis only the best reading."""
+        """At most two readings with nearly the best score; of another vertical axis only the best reading."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]
@@ -203,7 +203,7 @@ class SupportChoice:
 
     @property
     def rival_unit(self) -> str:
-        """The second most probable unit if it is probable enough for a question; else ''."""
+        """The second most probable unit, if it is so probable that dsfab must ask; else ''."""
         return self.units[1][0] if self.units and self.units[1][1] > OPEN else ""
 
 
@@ -211,9 +211,9 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
     """Return the choice of supports, unit and vertical axis for a surface with edges.
 
     surface : in metres, or in the numbers of its file if the unit is unknown.
-    axes    : possible vertical axes, each with a factor on the scores of its readings.
-    unit    : "" if unknown.    stand : word of a reading, or a height in metres; "" for the best reading.
-    Raises PresetError if no reading has the word."""
+    axes    : possible vertical axes, each with a factor on its scores.
+    unit    : "" if unknown.    stand : name of a way of support (--stand), or a height in metres; "" for the best one.
+    Raises PresetError if no way of support has this name."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
     size = float(np.ptp(coarse.V, axis=0).max())
     shapes = {up: Shape(Surface(upright_vertices(coarse.V, up), coarse.F)) for up in axes}
@@ -225,7 +225,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
             shapes[up] = Shape(Surface(shapes[up].surface.V * metres_per(units[up][0][0]), coarse.F))
         z = shapes[up].surface.V[:, 2]
         factor *= UNDER if z.min() < -0.2 * np.ptp(z) else 1.0
-        factor *= usual[up] / max(usual.values())  # an axis that requires a rare unit is less probable
+        factor *= usual[up] / max(usual.values())  # an axis with which the unit would be rare is less probable
         candidates += [(factor, up, reading) for reading in _readings(shapes[up], stand)]
     if not candidates:
         raise PresetError(_no_word(stand, [reading for shape in shapes.values() for reading in readings(shape)]))
@@ -235,8 +235,8 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
-    """Return judged readings, the best first. Statics can only lower the score that the form gives, so readings
-    with a low form are not judged: those that cannot be rivals, or cannot be among the best four."""
+    """Return readings with their scores, the best first. Statics can only reduce the score that `form` gives. So
+    readings with a low form are left out, if they can neither be rivals nor be among the best four."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form

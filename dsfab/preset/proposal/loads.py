@@ -1,4 +1,4 @@
-"""Loads of a proposal by the kind of surface. All values are placeholders for those of a local code."""
+"""Loads of a proposal by the kind of surface. All values are placeholders: the local standard must replace them."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -20,14 +20,14 @@ LINE_OF_COMMENT = {
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
 PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Placeholders, Pa.
-AROUND = 0.3  # A wall is a tower if its horizontal area vectors add up to less than this share of its area.
+AROUND = 0.3  # A wall is a tower if its normals mostly cancel out: their sum, by area, is below this share.
 
 
 @dataclass(frozen=True)
 class MeshWishes:
     """The user's choices for a surface, in place of dsfab's own choices.
-    stand    : word of a reading (feet, loops, edge ...), or a height (m) below which the edge is supported; or "".
-    built_in : true if the supports are clamped.
+    stand    : name of a way of support (feet, edge ...), or a height (m) below which the edge is supported; or "".
+    built_in : True if the supports are clamped.
     loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2"."""
 
     stand: str = ""
@@ -68,7 +68,7 @@ def _positive(text: str) -> float:
 
 
 def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
-    """Return the loads in words: 'its own weight and snow of 1 kPa on the ground, by its slope [EN 1991-1-3, 5.3]'."""
+    """Return the loads as text: 'its own weight and snow of 1 kPa on the ground, by its slope [EN 1991-1-3, 5.3]'."""
     places = {
         "snow": f"on the ground{' above its top' if snow_picker(surface) else ''}, by its slope [EN 1991-1-3, 5.3]",
         "people": "on the plan [EN 1991-1-1, table 6.2]",
@@ -81,7 +81,7 @@ def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
 
 
 def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[list[str]]:
-    """Yield the lines of each table of loads in a preset. Wind from each of two sides is a case with the weight."""
+    """Yield the tables of loads for a preset, each as lines. Wind from two sides gives two cases, with the weight."""
     cases = ["wind", "wind_back"] if "wind" in pressures else []
     if len(pressures) > 1 or not cases:
         yield ["[[surface.load]]", 'kind = "self_weight"']
@@ -116,8 +116,8 @@ def toml_line(key: str, value: object, note: str = "") -> str:
 
 
 def snow_picker(surface: Surface) -> str:
-    """Return the picker of the top of a surface that overlaps itself in plan, such as a ball; '' for a roof.
-    The normals may point inwards or outwards."""
+    """Return the picker for snow. If the surface overlaps itself in plan, like a ball, it selects the top; '' for a
+    roof. The normals may point inwards or outwards."""
     upward = surface.normals[:, 2] * surface.areas
     if np.abs(upward).sum() < 1.2 * abs(upward.sum()) or one_sided_pieces(surface.F, surface.edges).any():
         return ""
@@ -126,7 +126,7 @@ def snow_picker(surface: Surface) -> str:
 
 
 def takes_snow(surface: Surface) -> bool:
-    """Return True for a roof, and for a building with a short free edge; False for porous and for closed objects."""
+    """Return True for a roof, or a building with a short free edge; False for closed and for porous objects."""
     edge = float(surface.edge_lengths[surface.edges.boundary].sum())
     upward = surface.normals[:, 2] * surface.areas
     is_simple = np.abs(upward).sum() < 1.2 * abs(upward.sum())
@@ -134,7 +134,7 @@ def takes_snow(surface: Surface) -> bool:
 
 
 def broadside(surface: Surface) -> Floats:
-    """Return the horizontal unit vector (3,) along which the surface shows its largest area."""
+    """Return the horizontal unit vector (3,) from which most of the surface's area is visible: the worst wind."""
     n = surface.normals[:, :2]
     x, y = np.linalg.eigh((n * surface.areas[:, None]).T @ n)[1][:, -1]
     return np.array([x, y, 0.0]) * (1.0 if x + y > 0 else -1.0)

@@ -14,13 +14,13 @@ from dsfab.preset.proposal.sizes import Sizes
 from dsfab.surface import MARK_LAYERS, Marks, marks_on_layers, polyline_length
 
 DRAWINGS = (".3dm", ".dxf")
-FORCE = 1000.0  # Placeholder on layer `load`: N at each point, N/m along each line, Pa inside each closed curve.
+FORCE = 1000.0  # Placeholder for marks on layer `load`: N at points, N/m on lines, Pa in closed curves.
 TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 
 def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
-    """Return the marks on the four layers, by layer; {} for file formats without layers.
-    Raises SurfaceError for a file with marks if its z axis does not point upwards."""
+    """Return the marks on these four layers, by layer; {} for file formats without layers.
+    Raises SurfaceError for a file with marks whose z axis does not point upwards."""
     path = Path(str(user_mesh.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
         return {}
@@ -74,7 +74,7 @@ def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
 
 
 def drawn_feet(marks: Mapping[str, Marks]) -> tuple[SupportPlace, ...]:
-    """Return the marks on layer `support` as one place; empty without such marks."""
+    """Return the marks on layer `support` as one support; nothing if there are none."""
     if "support" not in marks:
         return ()
     layer_marks = marks["support"]

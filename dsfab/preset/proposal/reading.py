@@ -1,4 +1,4 @@
-"""Reading of the user's mesh in metres with z up, and the decisions about its unit, vertical axis and repairs."""
+"""Reads the user's mesh, in metres with z up, and decides on its unit, vertical axis and repairs."""
 
 import re
 import unicodedata
@@ -35,14 +35,14 @@ from dsfab.surface import (
 )
 
 Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf")
-"""Suffixes of files whose format or program defines z as the vertical axis; the reader turns glTF files itself."""
-MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files that mostly have z up.
-Y_UP = 0.7  # Factor on the scores for the vertical axis y, which few programs use (Blender, web tools).
-GROUND = 1e-3  # Depth below the ground that counts as zero, divided by the surface's size.
+"""Suffixes of files in which z is the vertical axis, by their format or program; glTF files are rotated when read."""
+MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files in which z mostly is the vertical axis.
+Y_UP = 0.7  # Factor on scores if y is the vertical axis, which few programs use (Blender, web tools).
+GROUND = 1e-3  # A depth below the ground up to this fraction of the size counts as zero.
 
 
 def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) -> dict[Up, float]:
-    """Return the possible vertical axes of a surface, each with a factor on the scores of its readings.
+    """Return the possible vertical axes of a surface, each with a factor on its scores (see `choice`).
 
     suffix : suffix of the file, with the dot.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
@@ -63,7 +63,7 @@ def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) 
 
 
 def _standing(V: Floats, surface: Surface) -> float:
-    """Return the stability of a sculpture, plus the share of its free edge at its base. V : (n, 3) with z up."""
+    """Return `_stability` of a sculpture, plus the share of its free edge that is at its base. V : (n, 3) with z up."""
     edges = surface.edges
     low = (V[edges.ends, 2] <= V[:, 2].min() + 0.05 * np.ptp(V[:, 2])).all(axis=1)
     length = surface.edge_lengths * edges.boundary
@@ -84,18 +84,18 @@ def _stability(V: Floats, surface: Surface) -> float:
 UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
 )
-SMALLEST, LARGEST = 0.02, 1000.0  # A surface with a longest side (m) outside of this range has a doubtful unit.
-USUAL = 2.0, 100.0  # Usual range of the longest side (m); for other files without a unit dsfab lists several sizes.
-POSSIBLE = 0.2, 500.0  # Range of the longest side (m) in the sizes that `dsfab inspect` lists.
+SMALLEST, LARGEST = 0.02, 1000.0  # If the longest side (m) is outside of this range, the unit is doubtful.
+USUAL = 2.0, 100.0  # Usual range of the longest side (m); outside, dsfab lists other sizes if the file names no unit.
+POSSIBLE = 0.2, 500.0  # Range of the longest side (m) in sizes that `dsfab inspect` lists.
 UNLIKELY = 0.02  # Units with a smaller probability are not listed.
-GUESSED = ("mm", "cm", "m", "in", "ft")  # Possible units of files without a unit.
+GUESSED = ("mm", "cm", "m", "in", "ft")  # Units that dsfab considers for files without a unit.
 
 
 @dataclass(frozen=True)
 class Decision:
     """A decision of dsfab for the user's preset.
     topic  : one or two words.
-    choice : the choice and its reason.
+    choice : the chosen value, with its reason.
     change : the key of the preset, or the option of the command, that changes the choice."""
 
     topic: str
@@ -105,8 +105,8 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class UserMesh:
-    """The user's mesh as a surface (metres, z up), with its keys of [surface].
-    choice : choice of unit, axis and supports.    places : the supports, in the coordinates of `surface`.
+    """The user's mesh as a surface (metres, z up), with its keys in [surface].
+    choice : chosen unit, axis and supports.    places : the supports, in coordinates of `surface`.
     repaired : a sentence for each repair of the mesh."""
 
     surface: Surface
@@ -169,7 +169,7 @@ def mesh_in_file(
 
 
 def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFile) -> Iterator[Decision]:
-    """Yield the contents of a file besides plain faces, and what the reader dropped, mended and repaired."""
+    """Yield decisions on other contents of a file than faces, and on what was left out or repaired."""
     if raw.record.surface_words:
         yield Decision("file", f"read: {raw.record.surface_words}")
     if raw.record.mark_words:
@@ -186,13 +186,13 @@ def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFi
 
 
 def _places(surface: Surface, chosen: SupportChoice, origin: Floats) -> tuple[SupportPlace, ...]:
-    """Return the chosen supports, moved by minus the origin; for a closed surface, parts of its own mesh."""
+    """Return the chosen supports in coordinates from `origin`; for a closed surface they are parts of its own mesh."""
     reading = chosen.best.reading
     return soles(surface) if reading.word == "sole" else tuple(place.with_offset(origin) for place in reading.places)
 
 
 def preset_name(mesh: str | Path) -> str:
-    """Return a preset's name for a mesh file, in letters without accents; an umlaut becomes two letters."""
+    """Return a name for the preset of a mesh file, in letters without accents; ä becomes ae."""
     stem = unicodedata.normalize("NFC", Path(mesh).stem).translate(UMLAUTS)
     stem = "".join(letter for letter in unicodedata.normalize("NFKD", stem) if not unicodedata.combining(letter))
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).strip("_.-") or "mesh"
@@ -234,13 +234,13 @@ def _with_z_up(surface: Surface, chosen: SupportChoice, option: Up | None) -> tu
 def _origin(surface: Surface) -> tuple[float, ...]:
     """Return an origin in whole metres near the lowest corner of a surface; 0 if the coordinates are small."""
     low = surface.V.min(axis=0)
-    # 100 sizes away from 0, STL files (single precision) round coordinates to 1/100 000 of the size
+    # if the surface is 100 sizes from 0, single precision (STL) rounds coordinates to 1/100 000 of the size
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
     return tuple(np.where(is_far, np.floor(low), 0.0).tolist())
 
 
 def size_doubt(sides: Sequence[float], unit: str) -> str:
-    """Return a doubt about the unit if the sides (m) of the bounding box are unusual, else ''."""
+    """Return a question about the unit if the sides (m) of the bounding box are unusual, else ''."""
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
     doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than what is built; is that the file's unit?"
@@ -248,7 +248,7 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
 
 
 def _unit_words(surface: Surface, chosen: SupportChoice, declared: str | None, option: str | None) -> str:
-    """Return the decision on the unit: the size of the surface, and its size in other probable units."""
+    """Return the decision on the unit, as text: the surface's size in it, and in other probable units."""
     sides, unit = np.ptp(surface.V, axis=0).tolist(), chosen.unit
     words = f"{unit}{', as the file says' if declared == unit else ''}: it is {_box(surface)}"
     alternatives = sizes_in_other_units(sides, unit, USUAL)
@@ -276,7 +276,7 @@ def _box(surface: Surface) -> str:
 
 
 def vertical_axis(up: str | None) -> Up | None:
-    """Return the axis, or None if the user named none. Raises SurfaceError for anything but x, y, z, -x, -y, -z."""
+    """Return the axis, or None if the user named none. Raises SurfaceError unless it is x, y, z, -x, -y or -z."""
     axes: tuple[Up, ...] = get_args(Up)
     if up is None or up in axes:
         return next((axis for axis in axes if axis == up), None)

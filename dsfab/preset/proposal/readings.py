@@ -1,4 +1,4 @@
-"""Readings of a shape: the ways in which it may be supported. A function for each way yields its readings."""
+"""Readings of a shape, that is, ways in which it may be supported; a function for each kind yields its readings."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,17 +11,17 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock, point_tuple
 from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, is_scalloped
 from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
-DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # Forms of supports that the shape shows, that are usual, and of all others.
-RARER = 0.8  # Factor on the form of hanging surfaces and of walls, because most surfaces are roofs.
-LEFT = 0.7  # Factor on the form of a reading without supports at necks, or at hollows where water would stand.
-SAG = 0.15  # Least sag of a hanging roof between two high sides, divided by the height of the roof.
-WALLS = 0.8  # Least form of an outer edge that stands on walls if there are also columns.
+DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `form` of supports that the shape shows, of usual ones, of all others.
+RARER = 0.8  # Factor on `form` for hanging surfaces and for walls: most surfaces are roofs.
+LEFT = 0.7  # Factor on `form` if necks, or hollows in which water would stand, have no support.
+SAG = 0.15  # Smallest sag of a hanging roof between two high sides, divided by its height.
+WALLS = 0.8  # Smallest `_edge_form` of an outer edge on walls, if there are also columns.
 APART = 12.0  # Largest distance between posts along a strip, metres.
-FRAGMENT = 0.1  # Supports smaller than this share of the largest support are ignored, because the mesh causes them.
-LOWEST_SILL = 0.005  # Inner edges of a wall are windows if they begin above this share of the wall's height.
+FRAGMENT = 0.1  # Supports below this share of the largest one come from the mesh, and are left out.
+LOWEST_SILL = 0.005  # Inner edges of a wall are windows if they begin above this fraction of its height.
 BAY = 7.5  # Usual distance between the columns of a grid, metres.
-MOST = 200  # Largest number of columns, and of posts along a side; with more of them the unit is probably wrong.
-SOLE = 0.03  # A closed surface stands on its vertices below this share of its height.
+MOST = 200  # Largest number of columns, and of posts along a side; with more, the unit is probably wrong.
+SOLE = 0.03  # A closed surface stands on its vertices below this fraction of its height.
 Kind = Literal["roof", "hung", "floor", "wall", "object"]
 
 
@@ -29,8 +29,8 @@ Kind = Literal["roof", "hung", "floor", "wall", "object"]
 class SupportPlace:
     """A supported part of a surface.
     name   : text for the user.    points : (k, 3) points along the free edge or on the surface, metres.
-    length : length of free edge (m), 0 inside the sheet.    is_loop : true for a whole boundary loop.
-    loop   : number of the loop, if no other loop has nearly the same length.
+    length : length of free edge (m), 0 inside the sheet.    is_loop : True for a whole closed edge.
+    loop   : number of the closed edge, if no other one has nearly the same length.
     radius : radius of a disc inside the sheet, metres."""
 
     name: str
@@ -44,11 +44,11 @@ class SupportPlace:
         lock(self, "points", np.float64, (None, 3))
 
     def with_offset(self, offset: Floats) -> "SupportPlace":
-        """Return the place, moved by minus an offset (3,), metres."""
+        """Return the place with `offset` (3,), metres, subtracted from its points."""
         return replace(self, points=self.points - offset)
 
     def picker(self, margin: float = 0.0, digits: int = 9) -> Boundary | Ball | Box:
-        """Return a picker of this place for any mesh of the surface. margin : metres, added to each side of a box."""
+        """Return a picker of this place for any mesh of the surface. margin : added to each side of a box, metres."""
         if self.loop is not None:
             return Boundary(self.loop)
         if self.length:
@@ -77,13 +77,13 @@ class SupportReading:
 
 
 def readings(shape: Shape) -> list[SupportReading]:
-    """Return all readings of a shape with edges, the highest form first."""
+    """Return all ways of support of a shape with edges, sorted by `form`, the highest first."""
     candidates = [_of_what_it_leaves(shape, reading) for read in READINGS for reading in read(shape) if reading.places]
     return sorted((reading for reading in candidates if reading.form > 0.02), key=lambda reading: -reading.form)
 
 
 def distinct_readings(shape: Shape) -> list[SupportReading]:
-    """Return the readings of a shape; of two with nearly the same supports, the one with the higher form."""
+    """Return the ways of support of a shape. Of two with nearly the same supports, only that with the higher `form`."""
     distinct = list[tuple[SupportReading, Bools]]()
     for reading in readings(shape):
         supported = reading.vertices(shape.surface)
@@ -94,7 +94,7 @@ def distinct_readings(shape: Shape) -> list[SupportReading]:
 
 
 def _of_what_it_leaves(shape: Shape, reading: SupportReading) -> SupportReading:
-    """Return the reading, with a lower form if necks, or hollows under a roof, have no support."""
+    """Return the reading, with a lower `form` if necks, or hollows of a roof, have no support."""
     free = len(shape.heads) * (reading.word not in ("loops", "walls")) + len(shape.lugs) * (reading.word != "hung")
     ponds = len(shape.inner_hollows) > 0 and not shape.heads and reading.kind == "roof"
     ponds = ponds and reading.word not in ("hollows", "columns")
@@ -115,7 +115,7 @@ def _roof(shape: Shape) -> float:
 
 
 def numbered_places(name: str, places: Sequence[SupportPlace]) -> tuple[SupportPlace, ...]:
-    """Return the places with a name; several places also get numbers."""
+    """Return the places with a name, and with numbers if there are several."""
     several = len(places) > 1
     return tuple(replace(place, name=f"{name} {k}" if several else name) for k, place in enumerate(places, 1))
 
@@ -125,7 +125,7 @@ def _edge_place(edge: Edge) -> SupportPlace:
 
 
 def _whole(shape: Shape, edges: Sequence[Edge], name: str) -> tuple[SupportPlace, ...]:
-    """Return places for whole edges, with the number of the loop if no other edge has the same length within 5 %."""
+    """Return places for whole edges, with the number of the edge if the lengths of all others differ by over 5 %."""
     places = []
     for edge in edges:
         rivals = [rival for rival in shape.edges if abs(rival.length / edge.length - 1) < 0.05]
@@ -143,12 +143,12 @@ def _column_heads(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _edge_form(shape: Shape) -> float:
-    """Return 1 for an outer edge that is level and low in the sheet, as on walls; less for other edges."""
+    """Return 1 if the outer edge is level and low in the sheet, as on walls; else less."""
     return _mean([edge.levelness * shape.lowness(edge) for edge in shape.outer])
 
 
 def _walls(shape: Shape) -> Iterator[SupportReading]:
-    """Yield walls below a level outer edge, with columns inside."""
+    """Yield walls below a level outer edge together with columns inside, if there are column heads."""
     if shape.heads and (form := _edge_form(shape)) > WALLS:
         places = (
             *_whole(shape, shape.outer, "wall"),
@@ -158,7 +158,7 @@ def _walls(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _masts(shape: Shape) -> list[Edge]:
-    """Return the small upper edges of a tent, whose outer edge curves inwards between the corners; else empty."""
+    """Return the small upper edges of a tent, whose outer edge curves inwards between corners; none for others."""
     is_tent = 3 <= len(shape.corners) <= 8 and is_scalloped(shape.edges[0], shape.corners)
     return [edge for edge in shape.small if is_tent and shape.neck(edge)[2] < -2 * NECK]
 
@@ -170,7 +170,7 @@ def _tent(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _tips(shape: Shape, name: str) -> tuple[SupportPlace, ...]:
-    """Return short parts of the longest edge, one around each corner."""
+    """Return short parts of the longest edge as supports, one around each corner."""
     edge = shape.edges[0]
     n, half = len(edge.points), max(round(shape.width / 50 / edge.length * len(edge.points)), 1)
     return numbered_places(name, [_edge_place(edge.part((k - half) % n, (k + half) % n)) for k in shape.corners])
@@ -207,7 +207,7 @@ def _whole_edges(shape: Shape) -> Iterator[SupportReading]:
     floor = max(_roof(shape), float(shape.is_floor))
     drop = _mean([edge.z.mean() for edge in shape.outer]) - _mean([edge.z.mean() for edge in shape.large])
     is_vault = bool(shape.large) and shape.rise > 0.05 * shape.width and abs(drop) < 0.05 * shape.rise
-    loss = LEFT if is_vault else 1.0  # an inner edge at the height of the outer edge is a support, not an opening
+    loss = LEFT if is_vault else 1.0  # an inner edge as low as the outer edge is probably a support
     yield SupportReading("edge", kind, _whole(shape, shape.outer, name), DRAWN * loss * floor * _mean(outer))
     below = drop > max(0.3 * shape.rise, 0.015 * shape.width)
     usual = loss * (DRAWN if below else USUAL) * _roof(shape)
@@ -225,7 +225,7 @@ def _pairs(shape: Shape) -> tuple[list[Edge], list[Edge]]:
 
 
 def _hangs_between(shape: Shape, two: Sequence[Edge], crossing: Sequence[Edge]) -> bool:
-    """Return True if the sheet sags between two sides, and the middle half of each crossing side does, too."""
+    """Return True if the sheet sags between the sides `two`; the middle half of the sides `crossing` must sag, too."""
     if not two:
         return False
     low = min(float(side.z.min()) for side in two)
@@ -252,7 +252,7 @@ def _sides(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _corners(shape: Shape) -> Iterator[SupportReading]:
-    """Yield the corners at any height, as of a sail, unless all corners are feet."""
+    """Yield supports at the corners, at any height as for a sail, except if all corners are feet."""
     edge, corners = shape.edges[0], shape.corners
     if not 3 <= len(corners) <= 8:
         return
@@ -264,7 +264,7 @@ def _corners(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _columns(shape: Shape) -> Iterator[SupportReading]:
-    """Yield columns below hollows, and columns in a grid."""
+    """Yield columns below low points of the sheet, and columns in a grid."""
     if len(shape.inner_hollows) and not shape.heads:
         V = shape.surface.V
         rises = min(float(edge.z.min()) for edge in shape.outer) > V[:, 2].min() + 0.1 * shape.rise
@@ -280,7 +280,7 @@ def _columns(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _base(shape: Shape) -> Iterator[SupportReading]:
-    """Yield the base of a wall or a tower: the parts of its outer and large inner edges near the ground."""
+    """Yield the base of a wall or a tower: those parts of its outer and large inner edges that are near the ground."""
     if shape.wall:
         ground = shape.surface.V[:, 2].min() + LOWEST_SILL * shape.rise
         windows = [edge for edge in shape.large if edge.z.min() > ground]
@@ -293,7 +293,7 @@ def _base(shape: Shape) -> Iterator[SupportReading]:
 
 def low_places(shape: Shape, reach: float, edges: Sequence[Edge] = ()) -> list[SupportPlace]:
     """Return the parts of edges at most `reach` metres above the lowest point, without very small parts.
-    edges : by default the outer and the large inner edges."""
+    edges : default: the outer and the large inner edges."""
     highest, places = shape.surface.V[:, 2].min() + reach, list[SupportPlace]()
     for edge in edges or (*shape.outer, *shape.large):
         low = edge.z <= highest

@@ -1,4 +1,4 @@
-"""`Shape`: a coarse copy of a surface, with measures for readings: edges, corners, sides, necks and hollows."""
+"""`Shape`: a coarse copy of a surface; its edges, corners, sides, necks and hollows show how it may be supported."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,19 +13,19 @@ from dsfab.core.errors import SurfaceError
 from dsfab.surface import Surface, polyline_length, remeshed_surface
 
 VERTICES = 1500  # Usual number of vertices of a coarse shape: a solve then takes about 0.05 s.
-STEPS = 400  # Number of even steps along a closed edge.
-SLOPE = 0.25  # Slope (14 degrees) of an edge with a levelness of 1/2; the rim of a stadium is hardly steeper.
-CORNER = 40.0  # Least turn of an edge at a corner, degrees.
-DEPTH, RISE = 0.15, 0.05  # Least rise of an edge between feet, largest rise within a foot, divided by the height.
-SMALL = 0.15  # Largest length of a small loop (column head, lug, opening), divided by that of the longest loop.
-STRIP = 3.0  # Least ratio of the long to the short sides of a strip, such as a canopy over a platform, or a footbridge.
-NECK = 0.2  # Least vertical component of `Shape.neck` at a column head or a lug.
-LUG = 2.0  # Least height of a lug above the sheet around it, divided by the radius of the lug.
-HEAD = 2.2  # Headroom, metres.
+STEPS = 400  # Number of equal steps along a closed edge.
+SLOPE = 0.25  # Slope (14 degrees) at which `levelness` is 1/2; the rim of a stadium is hardly steeper.
+CORNER = 40.0  # Smallest change of an edge's direction at a corner, degrees.
+DEPTH, RISE = 0.15, 0.05  # Smallest rise of an edge between feet, largest rise in a foot, divided by the height.
+SMALL = 0.15  # Largest length of a small edge (column head, lug, opening), divided by that of the longest edge.
+STRIP = 3.0  # Smallest ratio of long to short sides of a strip, such as a platform's canopy or a footbridge.
+NECK = 0.2  # Smallest vertical component of `Shape.neck` at a column head or a lug.
+LUG = 2.0  # Smallest height of a lug above the sheet around it, divided by the lug's radius.
+HEAD = 2.2  # Height that people need, metres.
 
 
 def coarse_surface(surface: Surface) -> Surface:
-    """Return the surface in its own unit with about `VERTICES` vertices, or unchanged if remeshing fails."""
+    """Return the surface, in its own unit, with about `VERTICES` vertices; unchanged if it cannot be meshed again."""
     if 0.5 * VERTICES < surface.n < 1.6 * VERTICES:
         return surface
     middle, size = surface.V.mean(axis=0), surface.size
@@ -38,7 +38,7 @@ def coarse_surface(surface: Surface) -> Surface:
 
 
 def is_nearly_closed(surface: Surface) -> bool:
-    """Return True if the surface has no boundary except pinholes."""
+    """Return True if the surface has no boundary except around very small holes."""
     return bool(surface.edge_lengths[surface.edges.boundary].sum() < 0.02 * np.sqrt(surface.area))
 
 
@@ -48,8 +48,8 @@ def is_figure(surface: Surface) -> bool:
 
 
 def depth_within(points: Floats, middle: Floats) -> float | None:
-    """Return the distance (m) from a point (2,) to the convex outline of points (k, 2); negative outside.
-    None if the points lie on a line and have no outline."""
+    """Return the distance (m) from a point (2,) to the convex outline of points (k, 2); negative outside of it.
+    Return None if the points lie on a line."""
     try:
         sides = ConvexHull(points).equations  # negative for a point inside
     except (QhullError, ValueError):
@@ -59,10 +59,10 @@ def depth_within(points: Floats, middle: Floats) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """A closed free edge, or a part of it.
+    """A closed free edge (boundary loop), or a part of it.
     loop   : number of the boundary loop of the coarse surface.
-    points : (k, 3) points in even steps along the edge, metres; a closed edge does not repeat its first point.
-    closed : true for a whole loop."""
+    points : (k, 3) points in equal steps along the edge, metres; a closed edge does not repeat its first point.
+    closed : True for a whole loop."""
 
     loop: int
     points: Floats
@@ -73,7 +73,7 @@ class Edge:
 
     @classmethod
     def from_loop(cls, loop: int, P: Floats) -> "Edge":
-        """Return the closed edge through points P (k, 3) in even steps."""
+        """Return the closed edge through points P (k, 3), with new points in equal steps."""
         line = np.vstack([P, P[:1]])
         along = np.concatenate([[0.0], np.cumsum(lengths(np.diff(line, axis=0)))])
         even = np.linspace(0.0, along[-1], STEPS, endpoint=False)
@@ -96,7 +96,7 @@ class Edge:
 
     @cached_property
     def levelness(self) -> float:
-        """1 for a level edge, 1/2 if the root mean square of the slope is `SLOPE`; the mesh's zigzag does not count."""
+        """1 for a level edge, 1/2 if its root mean square slope is `SLOPE`; small steps of the mesh do not count."""
         P = self.points[:: max(len(self.points) // 60, 1)]
         step = np.diff(np.vstack([P, P[:1]]), axis=0) if self.closed else np.diff(P, axis=0)
         run = lengths(step) + 1e-12
@@ -104,13 +104,13 @@ class Edge:
 
     @cached_property
     def straight_levelness(self) -> float:
-        """Levelness of a side along a wall or a beam, from its rise divided by its length."""
+        """Levelness of a side on a wall or a beam: only its rise divided by its length counts."""
         return float(1 / (1 + (np.ptp(self.z) / max(self.length, 1e-12) / SLOPE) ** 2))
 
     def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
-        """Yield low stretches of a closed edge, each with its depth (m) below the edge beside the stretch.
+        """Yield low parts of a closed edge, each with its depth (m) below the neighbouring parts.
         height   : of the surface, metres.
-        shortest : least length of a stretch, metres; a shorter stretch grows on its lower side first."""
+        shortest : smallest length of a part, metres; a shorter one is extended, first on its lower side."""
         z, n, step = self.z, len(self.points), self.length / len(self.points)
         tops, facts = find_peaks(-np.tile(z, 3), prominence=DEPTH * height, plateau_size=(None, None))
         for top, depth in zip((tops - n).tolist(), facts["prominences"].tolist(), strict=True):
@@ -118,13 +118,13 @@ class Edge:
                 continue
             profiles = [np.maximum.accumulate(np.roll(z, -top)[::sign][: n // 2 - 1]) for sign in (1, -1)]
             least = np.sort(np.concatenate(profiles))[min(int(np.ceil(shortest / step)), n - 3)]
-            level = max(z[top] + RISE * height, least) + 1e-4 * height  # includes equal heights on both sides
+            level = max(z[top] + RISE * height, least) + 1e-4 * height  # so that equal heights on both sides count
             after, before = (int((profile <= level).sum()) for profile in profiles)
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
     def corners(self, arm: float) -> list[int]:
-        """Return the points with the largest turns of a closed edge, `CORNER` or more, over an `arm` (m) on each side.
-        Ups and downs along a straight line in plan, as on a folded roof, give no corners."""
+        """Return the points where a closed edge's direction, over `arm` (m) on each side, changes most, and by `CORNER`
+        or more. Where the edge is straight in plan, as on a folded roof, there is no corner."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
         before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points
         long = lengths(before) * lengths(after) + 1e-12
@@ -140,7 +140,7 @@ class Edge:
         return sorted(corners)
 
     def posts(self, apart: float, width: float) -> list["Edge"]:
-        """Return parts of an open edge, `width` metres long, at even distances of about `apart` metres."""
+        """Return parts of an open edge, `width` metres long, at equal distances of about `apart` metres."""
         n, count = len(self.points), max(round(self.length / apart), 2)
         half = max(round(width / self.length * n / 2), 1)
         middles = [round((k + 0.5) * (n - 1) / count) for k in range(count)]
@@ -149,13 +149,13 @@ class Edge:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A coarse surface in metres with z up, and measures of it."""
+    """A coarse surface in metres with z up, and what it shows of possible supports."""
 
     surface: Surface
 
     @cached_property
     def edges(self) -> list[Edge]:
-        """All boundary loops, the longest first."""
+        """All closed free edges, the longest first."""
         return [Edge.from_loop(k, self.surface.V[loop]) for k, loop in enumerate(self.surface.loops)]
 
     @cached_property
@@ -181,7 +181,7 @@ class Shape:
 
     @cached_property
     def width(self) -> float:
-        """4 times the area over the length of the edges, metres: the side of a square, twice the width of a strip."""
+        """4 times the area divided by the edges' length, metres: the side of a square, twice the width of a strip."""
         length = sum(edge.length for edge in (*self.outer, *self.large))
         return float(4 * self.surface.area / length if length else np.sqrt(self.surface.area))
 
@@ -197,7 +197,7 @@ class Shape:
 
     @property
     def is_raised(self) -> bool:
-        """True if the surface does not reach the ground: it is too low to stand under, or modelled above z = 0."""
+        """True if the surface does not reach the ground: too flat for people to stand under it, or high above z = 0."""
         return self.rise < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
 
     @cached_property
@@ -207,7 +207,7 @@ class Shape:
 
     @cached_property
     def sides(self) -> list[Edge]:
-        """The four sides of a surface with four corners; the first and the third are a short pair. Else empty."""
+        """The four sides of a surface with four corners, first and third the short ones; else empty."""
         if len(self.corners) != 4:
             return []
         c = self.corners
@@ -217,12 +217,12 @@ class Shape:
 
     @cached_property
     def ratio(self) -> float:
-        """Ratio of the long to the short sides; 0 without four sides."""
+        """Length of the long sides divided by that of the short ones; 0 without four sides."""
         ends, long = (sum(side.length for side in self.sides[k::2]) for k in (0, 1))
         return long / ends if self.sides else 0.0
 
     def neck(self, edge: Edge) -> Floats:
-        """Return the mean direction (3,) from an edge into the sheet: upwards at a column head, downwards at a lug."""
+        """Return the mean direction (3,) from an edge into the sheet: up at a column head, down at a lug."""
         V, F = self.surface.V, self.surface.F
         is_on = np.isin(F, self.surface.loops[edge.loop])
         faces = is_on.sum(axis=1) == 2
@@ -234,7 +234,7 @@ class Shape:
         return np.asarray(length @ (into / lengths(into)[:, None]) / length.sum()) if len(third) else np.zeros(3)
 
     def slenderness(self, edge: Edge) -> float:
-        """Return the height of a small edge above the sheet around it, divided by the radius of the edge."""
+        """Return the height of a small edge above the sheet around it, divided by its radius."""
         radius = edge.length / (2 * np.pi)
         middle = edge.points.mean(axis=0)
         away = np.linalg.norm(self.surface.V[:, :2] - middle[:2], axis=1) / radius
@@ -242,13 +242,13 @@ class Shape:
         return float(middle[2] - np.median(around)) / radius if len(around) else 0.0
 
     def lowness(self, edge: Edge) -> float:
-        """Return 1 for an edge at or below the centre of mass, 0 for an edge at the top; 1 on an almost flat sheet."""
+        """Return 1 for an edge at or below the centre of mass, or of an almost flat sheet; 0 for an edge at the top."""
         rise = (edge.z.mean() - self.middle[2]) / max(self.surface.V[:, 2].max() - self.middle[2], 1e-9)
         return 1.0 if self.rise < 0.05 * self.width else float(np.clip(1 - rise, 0, 1))
 
     @cached_property
     def hollows(self) -> Ints:
-        """Vertices (k,) lower than all vertices around them: places where water would stand."""
+        """Vertices (k,) that are lower than all others around: places where water would stand."""
         V, z = self.surface.V, self.surface.V[:, 2]
         tree = cKDTree(V[:, :2])
         radius, lowest, hollows = self.width / 12, z.copy(), list[int]()
@@ -268,7 +268,7 @@ class Shape:
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:
-        """Return the vertices (k, 3) nearest in plan to points (j, 2), except for points beside the sheet."""
+        """Return the vertices (k, 3) that are nearest in plan to points (j, 2); points beside the sheet have none."""
         away, vertex = (np.atleast_1d(values) for values in cKDTree(self.surface.V[:, :2]).query(plan))
         return np.asarray(self.surface.V[vertex[away < 0.05 * self.width]])
 
@@ -283,23 +283,23 @@ class Shape:
 
     @cached_property
     def heads(self) -> list[Edge]:
-        """Small edges from which the sheet rises: column heads. The sheet does not rise from the edge of an opening."""
+        """Small edges from which the sheet rises, unlike at openings: column heads."""
         return [edge for edge in self.small if self.neck(edge)[2] > NECK]
 
     @cached_property
     def lugs(self) -> list[Edge]:
-        """Small edges to hang the sheet from, each at the top of a slender neck; wide edges are skylights."""
+        """Small edges from which the sheet may hang, each at the top of a slender neck. Wide ones are skylights."""
         return [edge for edge in self.small if self.neck(edge)[2] < -NECK and self.slenderness(edge) > LUG]
 
     @cached_property
     def wall(self) -> float:
-        """1 for a wall, 0 for a roof, by the share of the area that is visible in plan."""
+        """1 for a wall, 0 for a roof, and values between; from `plan_share`."""
         return float(np.clip((0.55 - self.plan_share) / 0.2, 0, 1))
 
     @cached_property
     def is_deck(self) -> bool:
         """True for a strip with level ends that people can walk on.
-        The limit of slope is 40 degrees (stairs) for a strip that climbs from end to end, else 25 degrees (a ramp)."""
+        Its slope is at most 40 degrees (stairs) if it climbs from end to end, else 25 degrees (a ramp)."""
         climb = abs(float(np.subtract(*(end.z.mean() for end in self.sides[::2])))) if self.sides else 0.0
         walkable = np.abs(self.surface.normals[:, 2]) > np.cos(np.radians(40.0 if climb > 0.9 * self.rise else 25.0))
         share = float(self.surface.areas[walkable].sum() / self.surface.area)
@@ -312,7 +312,7 @@ class Shape:
 
 
 def is_scalloped(edge: Edge, corners: Sequence[int]) -> bool:
-    """Return True if a closed edge curves inwards in plan between all its corners, as along cables."""
+    """Return True if a closed edge curves inwards in plan between all its corners, like a cable."""
     middle = edge.points[list(corners), :2].mean(axis=0)
     for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
         arc = edge.part(a, b).points[:, :2]

@@ -22,7 +22,7 @@ SHARE = 0.45  # Share of the surface that stays material.
 @dataclass(frozen=True, eq=False)
 class ProposedValues:
     """Values of a proposed preset.
-    stands   : the supports.    built_in : true if the supports are clamped.
+    stands   : the supports.    built_in : True if they are clamped.
     loads    : pressures (Pa) of the loads by name, without the weight.    marks : marks in the file, by layer."""
 
     size: Sizes
@@ -37,7 +37,7 @@ def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, 
     keys : keys of [surface] that define the mesh.    notes : reason of each decision, by topic."""
     size, stands, marks = plan.size, plan.stands, plan.marks
     surface, stand = user_mesh.surface, () if "support" in marks else stands
-    file = "" if "origin" in keys else str(keys.get("file"))  # curves in the file are not moved to the new origin
+    file = "" if "origin" in keys else str(keys.get("file"))  # curves in the file do not have the new origin
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
     head = [
         f"# {user_mesh.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
@@ -146,7 +146,7 @@ def _widths() -> Iterator[str]:
 
 
 def _thickening(surface: Surface) -> Iterator[list[str]]:
-    if is_figure(surface):  # sculptures have sharp bends
+    if is_figure(surface):  # the surface of a sculpture bends sharply
         yield ["[thickening]", toml_line("thinnest", 0.05, "least share of the thickness at sharp bends")]
 
 
@@ -158,7 +158,7 @@ def _description(surface: Surface, plan: ProposedValues) -> str:
 
 
 def place_words(stands: Sequence[SupportPlace]) -> str:
-    """Return supports in a few words, such as 'its base ring' or '4 feet'."""
+    """Return a short text for supports, such as 'its base ring' or '4 feet'."""
     kinds = list(dict.fromkeys(place.name.rstrip("0123456789 ") for place in stands))
     if len(stands) == 1:
         return f"its {kinds[0]}"

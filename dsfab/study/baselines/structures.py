@@ -93,7 +93,7 @@ class ComparisonTask:
 
     @property
     def loads(self) -> dict[str, LoadCase]:
-        """Loads that the pattern follows, on the uncut surface."""
+        """Loads on the uncut surface from which the pattern is made."""
         return self.statics.loads(self.preset.followed_weights)
 
     @property
@@ -170,12 +170,12 @@ def thinner(task: ComparisonTask) -> list[Variant]:
 
 SAME_MASS = 1e-3  # largest relative difference of equal masses
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
-"""Function of a task, a share of the surface and a tolerance; it returns layers of material that cover this share."""
+"""Function of a task, a share of the surface and its tolerance; it returns layers whose material covers this share."""
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
     """Return the structure whose sheet has the area of the task. Wider stripes replace the material of loose pieces,
-    which are left out. A second try uses a finer snap, because snapped cuts make the area jump on coarse meshes.
+    which are left out. If this fails, `slicing.snap` is reduced: on coarse meshes a large snap makes the area jump.
     Raises PatternError if no width gives the area."""
     try:
         return _structure_of_area(task, drawing)
@@ -187,7 +187,7 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
-        # loose pieces and joined pinches may use 0.7 of the tolerance
+        # 0.7 of the tolerance remain for loose pieces and for narrow places that the cut joins
         structure = sliced_structure(task, drawing(task, target_share, 0.3 * SAME_MASS * task.share))
         excess = structure.sheet.surface.area / task.area - 1
         if abs(excess) <= SAME_MASS:
@@ -226,13 +226,13 @@ def striped_structure(
 
 
 def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[DrawableFamily]) -> Structure:
-    """Return families of stripes with the task's area; their widths follow the preset's rule. Dead ends are removed
-    only if the preset requests it, because stripes that ignore the stress have many dead ends."""
+    """Return the structure of families of stripes with the task's area and with widths by the preset's rule. Only a
+    preset that requests it removes dead ends, because stripes that ignore the stress have many dead ends."""
     task, factor = replace(task, preset=preset), 0.0
 
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
         nonlocal factor
-        # the preset's tolerance is too large for equal masses
+        # for equal masses, the tolerance must be smaller than the preset's
         width = preset.pattern.width.model_copy(update={"solid_fraction": share, "solid_fraction_tolerance": JUMP})
         widened = preset.model_copy(update={"pattern": preset.pattern.model_copy(update={"width": width})})
         search = WidthSearch(lambda layers: area_share(task, layers), tolerance, factor)
@@ -242,13 +242,13 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # number of modes for pairs; with repeated eigenvalues, a single pair would depend on chance
+MODES = 3  # number of modes to pair; modes with equal eigenvalues come in any order, so one pair is not enough
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
 PHASES = (0.0, 0.25, 0.5, 0.75)  # phases, in periods, of the variants without modes
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress: a preset without width rules, pairs of modes, and a function for the modes."""
+    """Stripes that ignore the stress: a preset with equal widths, pairs of modes, and a function for these modes."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -262,13 +262,13 @@ def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
     families = blind.pattern.major, blind.pattern.minor
     alike = families[0].stripes == families[1].stripes and families[0].spacing == families[1].spacing
-    # both families have the same modes, so for equal stripes the pair (2, 1) equals (1, 2)
+    # both families have the same modes; if their stripes are equal too, the pair (2, 1) gives the structure of (1, 2)
     pairs = [(a, b) for a, b in PAIRS if not alike or a <= b]
     return IsotropicStripes(blind, _distinct_pairs(blind, pairs), diffusion)
 
 
 def isotropic(task: ComparisonTask) -> list[Variant]:
-    """Return a variant for each pair of modes of `isotropic_stripes`."""
+    """Return the variants of `isotropic_stripes`, one for each pair of modes."""
     return isotropic_variants(task, isotropic_stripes(task))
 
 
@@ -278,7 +278,7 @@ def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Va
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
-    """Return a variant for each pair of modes of diffusion tensors, turned by 45 degrees in the tangent plane."""
+    """Return variants on pairs of modes of the design's tensors, turned by 45 degrees in the tangent plane."""
 
     @cache
     def diffusion() -> DiffusionResult:
@@ -301,7 +301,7 @@ def von_mises(task: ComparisonTask) -> list[Variant]:
 
 
 def grid(task: ComparisonTask) -> list[Variant]:
-    """Return straight, equally wide stripes along the surface's two principal axes, as many as the design has."""
+    """Return straight, equally wide stripes along the surface's two principal axes, at the design's frequencies."""
     centred = task.surface.V - task.surface.V.mean(axis=0)
     fields = {
         name: (scaled_field(task.surface, centred @ axis), frequency)
@@ -311,35 +311,35 @@ def grid(task: ComparisonTask) -> list[Variant]:
 
 
 def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) -> DiffusionTensors:
-    """Return diffusion tensors turned by `angle` (radians) about the faces' normals; their stored stresses stay."""
+    """Return diffusion tensors turned by `angle` (radians) about the faces' normals; their stresses do not change."""
     x, y, z = surface.normals.T
     zero = np.zeros(surface.m)
     across = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
-    R = np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * across @ across  # Rodrigues 1840
+    R = np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * across @ across  # formula of Rodrigues, 1840
     major, minor = (R @ D @ R.transpose(0, 2, 1) for D in (tensors.major, tensors.minor))
     return DiffusionTensors(major, minor, tensors.isotropic, tensors.principal)
 
 
 def mode_like_field(surface: Surface, face: Floats) -> Floats:
-    """Return values (n,) at the vertices, from values (m,) on faces, scaled by `scaled_field`."""
+    """Average values (m,) from faces to vertices, and return them as (n,), scaled by `scaled_field`."""
     return scaled_field(surface, vertex_means(surface, face))
 
 
 def scaled_field(surface: Surface, value: Floats) -> Floats:
-    """Return values (n,) scaled like `dsfab.diffusion.Modes`: mean 0, and integral of the square area / 4 pi."""
+    """Return values (n,) scaled like `dsfab.diffusion.Modes`: their mean is 0, their mean square is 1 / (4 pi)."""
     mass = voronoi_mass(surface)
     value = value - mass @ value / mass.sum()
     return np.asarray(value * np.sqrt(surface.area / (4 * np.pi) / (mass @ value**2)))
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return the two unit axes (2, 3) along which the surface is longest; supports and loads settle ties."""
+    """Return the two unit axes (2, 3) along which the surface is longest; supports and loads decide for equal axes."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     spread = x.T @ (mass[:, None] * x)
     ties = reference_axes(surface, (load.supported.astype(float),), (load.force.sum(axis=0),))
-    # small enough to decide only between equally long axes
+    # the supports and loads count so little that they decide only between equally long axes
     spread += 1e-3 * np.trace(spread) * ties.T @ np.diag([1.0, 0.5, 0.0]) @ ties
     return np.asarray(np.linalg.eigh(spread)[1][:, :0:-1].T)
 

@@ -1,4 +1,4 @@
-"""Topology optimisation by density (SIMP) on a triangle mesh, and a competitor made from the densities."""
+"""Topology optimisation (SIMP), which gives each face of a triangle mesh a density; a competitor made from this."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -31,15 +31,15 @@ def face_filter(surface: Surface, radius: float) -> csr_array:
 
 def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> Floats:
     """Return filtered sensitivities (m,): sum_f H_ef x_f s_f / max(x_e, 0.001) [Andreassen et al. 2011, eq. 11].
-    density, sensitivity : (m,) x, and s per area of the face [Sigmund 1997]."""
+    H : weights of `face_filter`.  density : (m,) x.  sensitivity : (m,) s, per area of the face [Sigmund 1997]."""
     return np.asarray(H @ (density * sensitivity) / np.maximum(density, 1e-3))
 
 
 @dataclass(frozen=True)
 class Simp:
     """Options of SIMP.
-    radius       : radius of the filter, metres, about the width of members; 0: see `filter_radius`.
-    iterations   : most iterations for each penalisation; fewer if no density changes by more than `change`.
+    radius       : of the filter, metres; members become about as wide. 0: see `filter_radius`.
+    iterations   : largest number for each penalisation; fewer if no density changes by more than `change`.
     penalisation : final p. A face of density x has the stiffness void + x^p (1 - void) [Bendsoe, Sigmund 1999].
     steps        : number of steps in which p rises from 1; 0: p is constant. At p = 1 the problem has one solution, so
                    the result depends little on mesh and start [Petersson and Sigmund 1998].
@@ -65,12 +65,12 @@ class Simp:
             )
 
     def filter_radius(self, surface: Surface) -> float:
-        """Return `radius`, or 3 % of the root of the surface's area (m), but at least 1.1 mean edges."""
+        """Return `radius`; if 0, then 3 % of the root of the surface's area (m), but at least 1.1 mean edge lengths."""
         return self.radius or max(0.03 * float(np.sqrt(surface.area)), 1.1 * surface.mean_edge)
 
     @property
     def penalisations(self) -> Floats:
-        """Penalisations (steps + 1,) in the order of their use."""
+        """Values (steps + 1,) of the exponent p, in the order of their use."""
         return np.linspace(1.0 if self.steps else self.penalisation, self.penalisation, self.steps + 1)
 
     def stiffness(self, density: Floats) -> Floats:
@@ -86,7 +86,7 @@ class Simp:
 class Densities:
     """Result of SIMP.
     density : (m,) 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
-    history : (iterations,) compliance (J) before each iteration; a sheet with grey densities cannot be built."""
+    history : (iterations,) compliance (J) before each iteration, of the sheet with densities between 0 and 1."""
 
     density: Floats
     history: Floats
@@ -104,8 +104,8 @@ class Densities:
 
     def grey(self, surface: Surface) -> float:
         """Return the share of the area with a density from 0.1 to 0.9, which is neither void nor material. The share is
-        large if both principal stresses are equal and opposite, as on a sphere pressed at its pole. There a rib loses
-        as much stiffness across its axis as it gains along its axis, so SIMP makes no ribs."""
+        large where both principal stresses are equal and opposite, as on a sphere pressed at its pole. There a rib
+        gains stiffness along its axis and loses as much across it, so SIMP makes no ribs."""
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
@@ -117,7 +117,7 @@ def densities(
     weights: Mapping[str, float] | None = None,
     options: Simp | None = None,
 ) -> Densities:
-    """Return the densities of faces with the least compliance. The sum of density times face area is `area` (m2).
+    """Return the densities of faces that give the smallest compliance; the sum of density times face area is `area`.
     Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales
     membrane and bending stiffness equally. Sensitivities are filtered, and densities follow optimality criteria as in
     top88 [Andreassen et al. 2011].
@@ -163,7 +163,7 @@ def simp(task: ComparisonTask) -> list[Variant]:
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
     """Return the task without the preset's rim, and with discs of the filter's radius around loads and supports.
-    The rim would take most of the material: with it, an L-bracket with 30 % of the material was 3.2 or 5.0 times as
+    The rim would take most of the material: an L-bracket with a rim and 30 % of the material was 3.2 to 5.0 times as
     soft as the whole plate."""
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))

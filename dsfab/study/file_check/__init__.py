@@ -34,14 +34,14 @@ __all__ = [
 ]  # fmt: skip
 
 Progress = Callable[[str, str], None]
-TOO_THIN, TOO_THICK = 1e-4, 10.0  # metres; the unit of a file is wrong if its walls are outside of this range
-AGREES, DIFFERS = 0.05, 0.15  # relative differences of compliance: solid and shell agree up to 5 %, differ above 15 %
+TOO_THIN, TOO_THICK = 1e-4, 10.0  # metres; if the thinnest wall is outside of this range, the unit is wrong
+AGREES, DIFFERS = 0.05, 0.15  # relative differences of compliance at which solid and shell still agree, and differ
 
 
 @dataclass(frozen=True)
 class Finding:
-    """The answer to a question about a file. name : `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
-    reason : a sentence, or '' if the numbers explain the answer."""
+    """The verdict of one check. name : of the check: `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
+    reason : a sentence, or '' if the numbers explain the verdict."""
 
     name: str
     verdict: Status
@@ -85,7 +85,7 @@ def check_file(
     """Read a file and check its contents.
     design  : the expected design; None checks only the file.
     unit    : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
-    solid   : whether to compare compliance by a solid model, which needs the extra `solid` and takes longest.
+    solid   : True to compare the compliance of a solid model, which takes longest and needs dsfab[solid].
     max_triangles : limit for the file (see `read_shipped`).
     Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`)."""
     if progress:
@@ -103,8 +103,8 @@ def check_contents(
     progress: Progress | None = None,
 ) -> FileCheck:
     """Check the contents of a file like `check_file`.
-    The deflection of the contents must be that of `deflection_for(preset)` if there is a design.
-    unit_given : whether the user named the unit of the file's numbers."""
+    With a design, the contents must have been read with the deflection `deflection_for(preset)`.
+    unit_given : True if the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
     sound = _file_soundness(contents, tell)
@@ -164,7 +164,7 @@ def _unit_finding(
 
 
 def _cut_finding(contents: FileContents) -> Finding:
-    """Check whether OCCT cuts a STEP file in half; a sound solid may fail this check."""
+    """Check that OCCT can cut the solid of a STEP file in half. It may fail for a sound solid."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "shape.bin"  # the binary file loads faster than STEP
         path.write_bytes(contents.shape)
@@ -174,7 +174,7 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication] by the design's measures if the file equals the design, else by the file's."""
+    """Check the limits of [fabrication] by measures of the design if the file matches it, else of the file."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):

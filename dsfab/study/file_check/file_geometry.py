@@ -20,8 +20,8 @@ from dsfab.thickening.offset_vectors import SHIFT
 from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
 
 SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # suffixes of files that can be checked
-STEP_BEGINS = b"ISO-10303-21"  # first word of every STEP file
-BY_CONVENTION = "mm"  # unit of STL files, which name no unit
+STEP_BEGINS = b"ISO-10303-21"  # text at the beginning of every STEP file
+BY_CONVENTION = "mm"  # assumed unit of STL files, which name none
 CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
     *(f"{word}_SURFACE".encode() for word in ("CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
@@ -34,10 +34,10 @@ CURVED = (
 class FileContents:
     """Contents of a file.
     V       : (n, 3) metres, no two at the same place.      F : (m, 3) triangles with three different corners.
-    unit    : unit of the file's numbers.                   declared : whether the file names its unit.
+    unit    : unit of the file's numbers.                   declared : True if the file names its unit.
     metres  : length of this unit in metres.                collapsed : triangles without three different corners.
     reader  : name of the reader.        path : path of the file.
-    deflection : tolerance (m) of the triangles of curved STEP faces; else 0.
+    deflection : largest distance (m) of triangles from their curved STEP faces; else 0.
     shape   : shape of a STEP file in OCCT's binary form; else empty.      face : (m,) STEP face of each triangle."""
 
     path: Path
@@ -67,11 +67,11 @@ def read_shipped(
     path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES, deflection: float = 0.0
 ) -> FileContents:
     """Read the solid in an STL, 3MF or STEP file with trimesh, lib3mf or OCCT.
-    unit : unit of the numbers of an STL file, default millimetres; 3MF and STEP files name their unit.
+    unit : of the numbers in an STL file, default millimetres; 3MF and STEP files name theirs.
     max_triangles : limit for an STL or a 3MF file, checked early.
-    deflection : tolerance (m) of the triangles of curved STEP faces; 0 is the reader's default.
-    Raises SurfaceError or ExportError for a missing, empty, unreadable or unsuitable file, for coordinates that are not
-    finite, and for a unit if the file names its unit."""
+    deflection : largest distance (m) of triangles from their curved STEP faces; 0 is the reader's default.
+    Raises SurfaceError or ExportError for a missing, empty, unreadable or unsuitable file, or for coordinates that are
+    not finite. Raises ExportError for a `unit` if the file names its own."""
     path = Path(path)
     suffix = path.suffix.lower()
     if path.is_dir():
@@ -123,13 +123,13 @@ def _join_vertices(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
     return points, F[is_proper], int((~is_proper).sum())
 
 
-FLAT = 64 * float(np.finfo(np.float32).eps)  # least height of a triangle with a normal, divided by the mesh's size
-PARALLEL = float(np.cos(np.radians(3)))  # neighbouring faces at more than 3 degrees form a tip or a notch
+FLAT = 64 * float(np.finfo(np.float32).eps)  # smallest height of a triangle with a normal, divided by the mesh's size
+PARALLEL = float(np.cos(np.radians(3)))  # cosine; neighbouring faces at a larger angle form a tip or a notch
 
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """Shortest distance between opposite faces, metres, and its place (3,)."""
+    """Shortest distance (m) between opposite faces, and its place (3,)."""
 
     size: float
     place: Floats
@@ -148,11 +148,11 @@ class Clearances:
 
 def clearances(V: Floats, F: Ints) -> Clearances:
     """Return the thinnest wall and the smallest gap of a closed mesh V (n, 3) metres, F (m, 3) oriented outwards.
-    Members count as walls, too.
+    The width of a member also counts as a wall.
     Four rays start on each face, at its centre and near its corners: inwards for walls, outwards for gaps. A hit counts
-    if the two faces are parallel within 20 degrees. The distance is that from the plane of the hit face, which is exact
-    between flat faces. Three kinds of pairs do not count: neighbours at more than 3 degrees, which are sides of a tip
-    or a notch; coplanar parts that meet in a point; and triangles too low for a normal in single precision."""
+    if the two faces are parallel within 20 degrees. The distance is that from the start to the plane of the hit face.
+    Three kinds of pairs do not count: neighbours at more than 3 degrees, which are sides of a tip or a notch; coplanar
+    parts that meet in a point; and triangles too thin for a normal in single precision."""
     N, has_normal = _normals(V, F)
     face = np.flatnonzero(has_normal)
     corners = V[F[face]]
@@ -176,7 +176,7 @@ def clearances(V: Floats, F: Ints) -> Clearances:
 
 
 def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
-    """Return unit normals (m, 3), and a mask (m,) of the faces that are high enough to have a normal."""
+    """Return unit normals (m, 3), and a mask (m,) of the faces that are not too thin for a normal."""
     P, cross = V[F], area_vectors(V, F)
     twice = np.linalg.norm(cross, axis=1)
     longest = np.linalg.norm(np.roll(P, -1, axis=1) - P, axis=2).max(axis=1)
@@ -197,17 +197,17 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
 
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
-"""Probable unit of a file that was read in millimetres, by its size divided by the size of the design."""
+"""Probable true unit of a file that was read in millimetres, by the ratio of its size to the design's."""
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
     """Distances (m) between a file's solid and a design; each has its place (3,).
     skin      : largest distance of the file's top and bottom from their exact place, and the mean (`skin_mean`).
-                Thickness that the design removed in tight bends counts; feet and other extras do not.
+                Places where the design is thinner because of a tight bend count; feet and other extras do not.
     to_design : largest distance from the file's surface to the design's solid: additional material or a shift.
     from_design : largest distance from the design's solid to the file's surface: missing parts or a shift.
-    beyond    : largest excess of both distances over the allowance; below 0 without excess.
+    beyond    : largest of both distances minus the allowance at its place; below 0 if the file is within it.
     allowed   : allowance at the place of `beyond`.
     scale     : diagonal of the file's bounding box divided by that of the design."""
 
@@ -233,22 +233,22 @@ class Distance:
 
     @property
     def meant_unit(self) -> str | None:
-        """Probable unit of the file's numbers if `scale` fits a mistaken unit within 2 %; else None."""
+        """Probable unit of the file's numbers, if `scale` shows within 2 % that another unit was assumed; else None."""
         return next((unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02), None)
 
 
 @dataclass(frozen=True, eq=False)
 class Allowance:
     """Allowed distance between a file's solid and a design's solid.
-    flat   : metres, everywhere.     limits : additional limits on curved faces; None without curved faces."""
+    flat   : metres, everywhere.     limits : to be added on curved faces; None without curved faces."""
 
     flat: float
     limits: SmoothLimits | None = None
 
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
-        """Return the allowance of a file. Triangles of STL and 3MF are exact; planar faces of STEP may be simplified.
-        Curved faces may differ by the chord error of the design's mesh, and their triangles by `deflection`."""
+        """Return the allowance of a file. STL and 3MF must fit exactly; planar faces of STEP may be simplified. Curved
+        faces may also differ by the chord error of the design's mesh and by `contents.deflection`."""
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)
@@ -262,7 +262,7 @@ class Allowance:
         return cls(flat + contents.deflection, limits)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the allowance (k,), metres, at points (k, 3)."""
+        """Return the allowed distance (k,), metres, at points (k, 3)."""
         flat = np.full(len(points), self.flat)
         if self.limits is None:
             return flat
@@ -275,12 +275,12 @@ def off_surface(preset: Preset) -> float:
 
 
 def deflection_for(preset: Preset) -> float:
-    """Return the deflection (m) of the triangles of a file's curved faces, for comparison with a design."""
+    """Return how far (m) triangles may be from a file's curved faces when the file is compared with a design."""
     return DEFLECTION * off_surface(preset)
 
 
 def distance(contents: FileContents, design: Design) -> Distance:
-    """Measure the distance between a file and a design, in both directions, at vertices and centres of faces."""
+    """Measure the distance from a file to a design and back, at vertices and centres of faces."""
     V, F, allowed = contents.V, contents.F, Allowance.from_design(contents, design)
     to, to_place, to_excess = _farthest(V, F, design.solid.V, design.solid.F, allowed)
     back, back_place, back_excess = _farthest(design.solid.V, design.solid.F, V, F, allowed)
@@ -295,7 +295,7 @@ def _farthest(
     P = np.concatenate([V, V[F].mean(axis=1)])
     offsets = nearest_places(P, onto_V, onto_F).distance
     k = int(offsets.argmax())
-    candidates = np.flatnonzero(offsets > allowed.flat)  # only these need the chord error
+    candidates = np.flatnonzero(offsets > allowed.flat)  # only at these points the chord error matters
     candidates = candidates if len(candidates) else np.array([k])
     permitted = allowed.at_points(P[candidates])
     worst = int((offsets[candidates] - permitted).argmax())
@@ -310,7 +310,7 @@ def _skin_offsets(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, fl
     projection = nearest_places(P, sheet.V, sheet.F)
     distances, face = projection.distance, projection.simplex
     along = np.abs(np.einsum("mi,mi->m", cross, sheet.normals[face]))
-    skin = (twice > 0) & (along > 0.9 * twice)  # all other faces are walls
+    skin = (twice > 0) & (along > 0.9 * twice)  # faces at the top and bottom; the others are walls
     half = design.preset.statics.thickness / 2
     shift = abs(SHIFT[design.preset.thickening.side])
     differences = np.abs(distances[:, None] - np.array([half * (1 - shift), half * (1 + shift)])).min(axis=1)

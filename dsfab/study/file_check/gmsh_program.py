@@ -3,7 +3,7 @@
     python -P gmsh_program.py IN.npz OUT.npz
 
 IN contains V (n, 3) and F (m, 3), or the path `step`; and `edge`, the longest edge. OUT gets X (p, 3) and T (k, 4).
-The program imports nothing from dsfab, because gmsh has the licence GPL-2 or later; they exchange only these files."""
+gmsh has the licence GPL-2 or later. So the program imports nothing from dsfab, and both exchange only these files."""
 
 import sys
 from pathlib import Path
@@ -15,7 +15,7 @@ TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers of element types
 
 
 def tetrahedra(mesh_data: Any) -> tuple[Any, Any]:
-    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid; triangles of the input stay unchanged."""
+    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid. Triangles V, F of the input do not change."""
     import gmsh
 
     gmsh.initialize()

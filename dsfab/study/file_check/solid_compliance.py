@@ -52,8 +52,8 @@ def missing_packages() -> str:
 def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
     """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
 
-    gmsh reads STEP files and meshes their faces; triangles of other files stay, but long edges are halved. Chords of
-    curved faces may change the volume by `CHANGED_VOLUME`. Raises StaticsError if gmsh fails or takes too long."""
+    gmsh itself reads and meshes STEP files; their volume may change by the share `CHANGED_VOLUME` at curved faces.
+    Other files keep their triangles, but long edges are halved. Raises StaticsError if gmsh fails or takes too long."""
     volume = Surface(contents.V, contents.F).volume
     if contents.path.suffix.lower() in STEP:
         X, T = _run_gmsh({"step": str(contents.path.resolve()), "edge": edge})
@@ -93,13 +93,13 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # largest barycentric distance of a point from its tetrahedron, because chords replace curved skins
+OUTSIDE = 0.25  # barycentric coordinates of points outside of the mesh may go down to minus this
 LARGEST = 1_200_000  # limit on the number of unknowns
 
 
 @dataclass(frozen=True, eq=False)
 class SolidModel:
-    """Stiffness K (N, N), N/m, of a solid with nodes `points` (N / 3, 3); node : (N,) node of each unknown."""
+    """Stiffness K (N, N), N/m, of a solid. points : (N / 3, 3) nodes, metres. node : (N,) node of each unknown."""
 
     mesh: Tetrahedra
     K: csr_array
@@ -130,7 +130,7 @@ class SolidModel:
         return cKDTree(self.mesh.X[self.mesh.T].mean(axis=1))
 
     def interpolation(self, points: Floats, reach: float) -> csr_array:
-        """Return the matrix (3 k, N) from the unknowns to the displacements x, y and z of each of the points (k, 3).
+        """Return the matrix (3 k, N) that gives x, y and z displacements at points (k, 3) from the unknowns.
         reach : largest distance of a point from the solid, metres. Raises StaticsError for points farther away."""
         from skfem import ElementTetP2
 
@@ -143,8 +143,8 @@ class SolidModel:
         return csr_array(coo_array(entries, shape=(3 * k, self.K.shape[0])))
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
-        """Return for each point the tetrahedron (k,) that contains it, and the point's coordinates (3, k) in it.
-        For a point outside of the solid, the best of the 40 nearest tetrahedra is used."""
+        """Return the tetrahedron (k,) that contains each point, and the point's coordinates (3, k) in it.
+        A point outside of the solid gets the best of the 40 nearest tetrahedra."""
         candidates = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
         P = self.mesh.X[self.mesh.T[candidates]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
@@ -157,14 +157,15 @@ class SolidModel:
         if len(lost):
             place = points[lost[0]].round(4).tolist()
             raise StaticsError(
-                f"{len(lost)} of {len(points)} loaded or held points of the sheet have no material of the file around "
-                f"them (first at {place} m)"
+                f"{len(lost)} of {len(points)} loaded or held points of the sheet are outside of the file's solid "
+                f"(the first at {place} m)"
             )
         return candidates[numbers, choice], local[numbers, choice].T
 
 
 def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
-    """Return the stiffness, and the unknowns (30, k) of k tetrahedra. at_once : limit for about 150 MB of memory."""
+    """Return the stiffness, and the numbers (30, k) of the unknowns of k tetrahedra.
+    at_once : number of tetrahedra in one step; the default takes about 150 MB."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -172,7 +173,7 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
     K: csr_array | None = None
     for start in range(0, tets.t.shape[1], at_once):
         part = np.arange(start, min(start + at_once, tets.t.shape[1]))
-        basis = Basis(tets, element, elements=part, intorder=2)  # exact for linear strains
+        basis = Basis(tets, element, elements=part, intorder=2)  # this integration is exact for linear strains
         added = csr_array(form.assemble(basis))
         K = added if K is None else csr_array(K + added)
         dofs = basis.dofs.element_dofs
@@ -183,15 +184,16 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """Springs that support a model; each spring resists a linear combination of the unknowns.
-    rows : (r, N) coefficients of each combination.     stiffness : (r,) N/m; very large for a rigid support."""
+    """Supports of a model as r springs; each acts on a linear combination of the unknowns.
+    rows : (r, N) coefficients of the combinations.     stiffness : (r,) N/m; very large for a rigid support."""
 
     rows: csr_array
     stiffness: Floats
 
 
 def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -> Floats:
-    """Return the compliances f . u (c,), joules, under c forces f (N,). Raises StaticsError without enough supports."""
+    """Return the compliances f . u (c,), joules, under c force vectors f (N,). Raises StaticsError if the supports do
+    not hold the model."""
     K = csr_array(model.K + holding.rows.T @ (diags_array(holding.stiffness) @ holding.rows))
     scale = 1 / np.sqrt(K.diagonal())
     inner = csr_array(diags_array(scale) @ K @ diags_array(scale))
@@ -207,12 +209,12 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
 
 
 EDGE = 1.0
-"""Longest edge on the solid's surface, divided by the thickness. With edges of two thicknesses, compliances of members
-two thicknesses wide were 2.5 to 5 % too small."""
-COARSE = 1 / 100  # least edge divided by the solid's size, because finer meshes have millions of tetrahedra
+"""Longest edge on the solid's surface, divided by the thickness. With a value of 2, members twice as wide as thick had
+compliances that were 2.5 to 5 % too small."""
+COARSE = 1 / 100  # smallest `edge` divided by the solid's size; smaller ones give millions of tetrahedra
 RIGID = 1e3  # stiffness of a rigid support's spring, divided by Young's modulus times the thickness
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
-"""Heights of Gauss points above the middle, in half thicknesses, and their weights."""
+"""Heights of Gauss points above the middle, as multiples of half the thickness, and their weights."""
 
 
 @dataclass(frozen=True)
@@ -238,9 +240,9 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
     """Compare the sound solid in a file with the sheet of its design.
     edge : longest edge on the surface of the solid model, metres; default: see `EDGE` and `COARSE`.
 
-    Loads and supports are those of the cut sheet. They act at its vertices and at points along its held edges, on the
-    mean displacement through the thickness, as on a shell. Sheets that are loaded in their plane stay in this plane.
-    Raises StaticsError if gmsh or the solver fails."""
+    Loads and supports are those of the cut sheet, at its vertices and at points along its held edges. They act on the
+    mean displacement through the thickness, as on a shell. A flat sheet that is loaded in its plane stays in this
+    plane. Raises StaticsError if gmsh or the solver fails."""
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness
     longest = edge or max(EDGE * t, COARSE * contents.size)
@@ -261,7 +263,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
     """Points of a sheet in a solid that is `thickness` metres thick.
-    shift : distance from the sheet to the middle of the solid, in half thicknesses."""
+    shift : distance from the sheet to the middle of the solid, as a multiple (-1, 0, 1) of half the thickness."""
 
     model: SolidModel
     sheet: Surface
@@ -269,14 +271,14 @@ class SupportPoints:
     shift: int
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
-        """Return the matrix (3 k, N) from the unknowns to the mean displacements through the thickness at k places.
-        Three Gauss points are symmetric about the middle, so a force on the mean has no moment."""
+        """Return the matrix (3 k, N) that gives mean displacements through the thickness at k places from the unknowns.
+        The three Gauss points are symmetric about the middle, so a force on their mean has no moment."""
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return the matrix (r, N) from the unknowns to rotations at `samples` of the marked edges.
-        A rotation is the displacement, across the edge, of the upper Gauss point relative to the lower one."""
+        """Return the matrix (r, N) that gives rotations at `samples` of the marked edges from the unknowns.
+        A rotation is the displacement across the edge of the upper Gauss point minus that of the lower one."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -288,7 +290,7 @@ class SupportPoints:
 
     def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
         """Return places (k, 3) on marked edges, the normals of the faces there, and the edges' vectors.
-        Places are at most half a thickness apart; with a larger distance, the solid would yield between them."""
+        Places are at most half a thickness apart; with larger distances, the solid would move between them."""
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)
@@ -313,7 +315,7 @@ def _holding(points: SupportPoints, interpolation: csr_array, loads: Mapping[str
     stiffness = np.where(fixed, rigid, load.spring).ravel()
     held_unknowns = np.flatnonzero(stiffness)
     rows, strength = [interpolation[held_unknowns]], [stiffness[held_unknowns]]
-    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # each combination of held directions
+    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # edges with the same held directions together
         places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
         rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
     if load.clamped.any() and axis is None:

@@ -11,20 +11,19 @@ from dsfab.design import Design, Progress, loads_on, silent
 from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
-CANDIDATE, JUMP = 10.0, 5.0  # least displacement per load in a snap over that of the first step, of the previous step
+CANDIDATE, JUMP = 10.0, 5.0  # ratios of displacement per load in a snap to the first, and to the previous step
 
 
 @dataclass(frozen=True, eq=False)
 class NonlinearCheck:
     """Result of CalculiX for a design under one case.
     linear    : factor on the loads at which the perfect solid buckles by linear theory.
-    limit     : factor at which the imperfect solid fails; without failure the largest computed factor.
-    given_way : True if the solid fails at `limit`.
-    imperfection : largest imperfection, metres, in the shape of the buckling mode.
+    limit     : factor at which the imperfect solid fails (`given_way` True); else the largest computed factor.
+    imperfection : largest initial deviation, metres; its shape is that of the buckling mode.
     moved     : largest displacement (m) under the loads, or at the limit if `limit` is below 1.
     load, u   : factors (k,) of the path, and largest displacements (k,), metres.    triangles : number in the sheet.
-    edge      : edge length (m) of a surface that was cut again for this check; 0 for the design's own sheet.
-    minutes   : time limit of each run of CalculiX if it ended the path; else 0."""
+    edge      : edge length (m) of the mesh, if the surface was cut again for this check; else 0.
+    minutes   : time limit of each run of CalculiX, if the path ended there; else 0."""
 
     case: str
     linear: float
@@ -62,10 +61,10 @@ def nonlinear_check(
     progress: Progress = silent,
     edge: float | None = None,
 ) -> NonlinearCheck:
-    """Return the factor on the loads up to which a cut sheet is stable, as a solid with large displacements.
+    """Find the factor on the loads at which a cut sheet fails, as a solid with large displacements.
     case         : case or combination; default: the first combination, or else the first case.
     imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
-    edge         : edge length (m) of the surface that is cut for the check, or 0: see `without_fillets`.
+    edge         : edge length (m) of the mesh for the check, or 0: see `without_fillets`.
     Raises StaticsError for springs, a time of 0, loads without support, and if CalculiX is missing or fails."""
     if not minutes > 0:
         raise StaticsError(f"a time limit of {minutes:g} minutes is too short for CalculiX; give --minutes 60, or more")
@@ -93,10 +92,10 @@ def nonlinear_check(
 
 
 def without_fillets(design: Design, edge: float | None, progress: Progress) -> Design:
-    """Return the design with sharp corners of openings. Fillets have half of a dome's triangles, but change linear
-    buckling by 0.4 % only.
-    edge : edge length (m) of the cut surface if the design's edges are shorter; 0 returns the design itself. A mesh
-           that is used as in its file stays.
+    """Return the design without fillets in the corners of openings. In a dome, fillets had half of the triangles, but
+    changed linear buckling by only 0.4 %.
+    edge : edge length (m) of the surface, if that of the design is smaller; 0 returns the design itself. A mesh from a
+           file does not change if the preset has no edge length.
     Raises StaticsError for an edge that is negative or longer than the surface."""
     if edge is not None and not 0 <= edge < design.surface.size:
         raise StaticsError(
@@ -119,7 +118,7 @@ def solid_check(
     progress("nonlinear", f"linear buckling of {len(model.solid.elements):,} wedges by CalculiX")
     linear, mode = lowest_buckling(model, seconds)
     shape = mode / np.linalg.norm(mode, axis=1).max()
-    shape *= np.sign((shape * model.force).sum()) or 1.0  # in the direction of the loads
+    shape *= np.sign((shape * model.force).sum()) or 1.0  # so that the imperfection has the direction of the loads
     middle = model.solid.columns[:, 2]
     watched = middle[:: -(-len(middle) // 1000)]  # at most 1000 vertices
     largest_factor = 1.2 * linear
@@ -127,7 +126,7 @@ def solid_check(
     start = model.solid.nodes + imperfection * shape
     path = load_path(model, start, (largest_factor,), watched, seconds, last_point)
     limit_step, given_way = limit_of(path)
-    # finer steps would not help if a slightly larger load has no equilibrium
+    # if there is no equilibrium just above the last load, finer steps would change nothing
     has_no_equilibrium = given_way and limit_step == len(path.load) - 1
     if not has_no_equilibrium and (fine := softest_range(path)) is not None:
         progress("nonlinear", f"loads from {fine[0]:.3g} to {fine[1]:.3g} times theirs in finer steps")
@@ -142,8 +141,8 @@ def solid_check(
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
-    """Return the load factors before and after the step with the largest displacement per load. Return None if this
-    step is not much softer than the first step, or if the factors differ by less than 2 %."""
+    """Return the load factors around the step with the largest displacement per load, for smaller steps there. Return
+    None if this step is not much softer than the first one, or if the factors differ by less than 2 %."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
@@ -152,9 +151,9 @@ def softest_range(path: LoadPath) -> tuple[float, float] | None:
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:
     """Return the number of the last step that the structure bears, and True if it fails in the next step.
-    Failure is a step with over 100 times the displacement per load of the first step, or a snap. A snap has over `JUMP`
-    times that of the previous step and over `CANDIDATE` times that of the first step. A path that ends early is a
-    failure, too, unless the time limit ended it."""
+    A step is a failure if its displacement per load is over 100 times that of the first step. It is a snap, and also a
+    failure, if this is over `JUMP` times that of the previous and over `CANDIDATE` times that of the first step. A path
+    that ends early is a failure, too, unless the time limit ended it."""
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
     soft = np.flatnonzero((moves > 100) | np.concatenate([[False], jump]))
@@ -164,9 +163,9 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the point at which a path may stop: the end of a snap, or a soft point without equilibrium; else None.
-    After a soft point, CalculiX would only halve the next step again and again. A point is soft if its step had over
-    twice the displacement per load of the first step, and if an increment under 2.5 % of the load failed."""
+    """Return the point at which a path may stop: the end of a snap, or a point after which CalculiX would only halve
+    the next step again and again; else None. At the second, the displacement per load is over twice that of the first
+    step, and an increment of less than 2.5 % of the load has failed."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:
@@ -176,7 +175,7 @@ def last_point(path: LoadPath) -> int | None:
 
 
 def _relative_moves(path: LoadPath) -> Floats:
-    """Return the displacement per load in each step, divided by that in the first step, (k - 1,)."""
+    """Return (k - 1,) displacements per load in each step, divided by that in the first step."""
     load = np.maximum(np.diff(path.load), 1e-12 * path.load[-1])
     moves = np.linalg.norm(np.diff(path.u, axis=0), axis=(1, 2)) / load
     return np.asarray(moves / moves[0])

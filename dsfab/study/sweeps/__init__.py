@@ -40,10 +40,10 @@ def sweep(
     """Run every combination of the values in `vary`; the value of the last key changes most often.
     vary    : dotted preset keys and their values, e.g. {"pattern.major.phase": [0, 0.5], "diffusion.r": [10, 100]}.
     metrics : names from `METRICS`, or a dict of names and functions of a Design.
-    keep    : receives the changes and the Design of each successful run, e.g. to write files.
-    Successive runs share stages: a sweep over pattern keys solves statics and modes once. For metrics from `METRICS`,
-    only the necessary stages run. A design that cannot be built gives a Run with the error. The command `dsfab sweep`
-    runs a sweep in a folder with many processes, and can continue after a stop.
+    keep    : function of the changes and the Design of each successful run, e.g. to write files.
+    Runs reuse stages of earlier runs: a sweep over pattern keys solves statics and modes once. For names from
+    `METRICS`, only the necessary stages run. A design that cannot be built gives a Run with its error. The command
+    `dsfab sweep` uses many processes and a folder, and can continue after a stop.
     Raises PresetError for invalid keys, metrics or values, before anything is built."""
     measured = _metrics(metrics)
     listed = list(combinations(vary))

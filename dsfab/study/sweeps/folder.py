@@ -67,7 +67,7 @@ def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
 
 
 def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
-    """Return the feasible runs with this metric, best first; `ABOUT` defines whether more or less is better."""
+    """Return the feasible runs that have this metric, best first; `ABOUT` defines if more or less is better."""
     sign = -1 if ABOUT[metric].better == "more" else 1
     usable = [row for row in rows if feasible(row, limits) and isfinite(row.metrics.get(metric, float("nan")))]
     return sorted(usable, key=lambda row: (sign * row.metrics[metric], row.number))
@@ -76,7 +76,7 @@ def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ())
 def pareto(
     rows: Iterable[RunRow], first_metric: str, second_metric: str, limits: Sequence[Constraint] = ()
 ) -> list[RunRow]:
-    """Return the Pareto front of the feasible runs in two metrics; the best run in `first_metric` comes first."""
+    """Return the Pareto front of the feasible runs for two metrics, beginning with the best run in `first_metric`."""
     front: list[RunRow] = []
     sign = -1 if ABOUT[second_metric].better == "more" else 1
     usable = [row for row in best(rows, first_metric, limits) if isfinite(row.metrics.get(second_metric, float("nan")))]
@@ -151,8 +151,8 @@ def _column(values: list[Any]) -> list[Any]:
 
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
-HARMLESS = {"constraints"}  # keys of a plan that may always change, because runs do not depend on them
-RENEWING = {"metrics", "keep", "formats", "size", "view"}  # keys of a plan whose change repeats all runs (--extend)
+HARMLESS = {"constraints"}  # keys of a plan that may always change: no run depends on them
+RENEWING = {"metrics", "keep", "formats", "size", "view"}  # a change of these keys (--extend) repeats all runs
 TRIED_AGAIN: tuple[State, ...] = ("killed",)  # states of runs that a new session repeats by default
 
 
@@ -173,7 +173,7 @@ class SweepFolder:
         return cls(path, plan, base_preset(plan))
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
-        """Return the input of all runs. ship_mesh : True to include the mesh file, for workers that cannot read it."""
+        """Return the data that all runs need. ship_mesh : True to add the mesh file, for workers without access."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
@@ -190,7 +190,7 @@ class SweepFolder:
         report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Carry out waiting and interrupted runs, and runs in the states `retry`. Runs whose workers died come last."""
+        """Carry out waiting and interrupted runs, and runs in states `retry`; those that killed workers come last."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:
@@ -227,7 +227,7 @@ class SweepFolder:
         return write_tables(self.path, records(self.rows(), self.plan.measured_metrics, self.plan.limits))
 
     def deliver(self, outcome: Outcome, changes: Changes) -> list[str]:
-        """Write the files of a run, and its log if the run failed. Raises ExportError if the folder is not writable."""
+        """Write the files of a run, and a log if it failed; return their names. Raises ExportError if that fails."""
         names = []
         for name, content in outcome.files.items():
             place = f"{PICTURES}/{outcome.number:05}.png" if name == "picture.png" else None
@@ -260,8 +260,8 @@ def prepare(
 ) -> SweepFolder:
     """Create or update the folder of a plan and record its runs; call this function inside `only_coordinator`.
     checked : result of `checked_plan`, if the caller has it.
-    extend  : whether a changed plan may add runs to the recorded runs; if False, a changed plan raises DsfabError. If
-              metrics or kept files change, all runs are repeated.
+    extend  : True if a changed plan may add runs to the recorded runs; else it raises DsfabError. If metrics or kept
+              files change, all runs are repeated.
     Raises PresetError for invalid keys and values."""
     preset, runs = checked_plan(plan) if checked is None else checked
     settled = _portable_plan(plan, runs)

@@ -31,7 +31,7 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return the cut sheet's equilibrium under each followed load, by name of the load. The design stores the result.
+    """Return the cut sheet's equilibrium under each load of the pattern, by name. The design stores the result.
     Raises StaticsError if the sheet does not carry its loads."""
 
     def solve() -> dict[str, Equilibrium]:
@@ -52,7 +52,7 @@ def verdict(design: Design) -> Verdict:
 
 
 Metric = Callable[[Design], float]
-NARROWEST = 0.1  # share of the area that `min_width` omits, because modes have no slope at singular points
+NARROWEST = 0.1  # `min_width` leaves out this share of the area, the narrowest stripes
 
 
 def _loose(design: Design) -> float:
@@ -62,8 +62,8 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the stripe width that 90 % of the stripes' area exceeds. A width is 2 d / |grad z| with the field z of the
-    stripes and the half width d in units of z."""
+    """Return the width that stripes exceed on 90 % of their area. A width is 2 d / |grad z|: inside a stripe, the field
+    z differs by at most d from its value at the stripe's middle."""
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)
@@ -128,7 +128,7 @@ def _stress(design: Design) -> float:
 
 
 def _ersatz(design: Design) -> float:
-    """Return the compliance of the uncut surface; the stiffness of each face is scaled by its share of material."""
+    """Return the compliance of the uncut surface with the stiffness of each face times its share of material."""
     surface = design.surface
     share = np.bincount(design.sheet.parent, design.sheet.surface.areas, surface.m) / surface.areas
     loads = [load.on_share(surface, share) for load in design.statics.loads(design.preset.followed_weights).values()]
@@ -189,7 +189,7 @@ Better = Literal["less", "more", ""]
 
 
 class MetricFacts(NamedTuple):
-    """Unit of a metric, whether less or more is better, the stage that the metric needs, and a description."""
+    """Unit of a metric, `better` (less or more), the last stage that it needs, and a description."""
 
     unit: str
     better: Better

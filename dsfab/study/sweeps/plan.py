@@ -25,7 +25,7 @@ DIGITS = 6  # significant digits of the values in a range
 
 
 class Range(BaseModel):
-    """Values from `from` to `to`, both included, in equal steps or factors; whole numbers if both ends are whole."""
+    """Values from `from` to `to`, both included, with equal steps or ratios; whole numbers if both ends are whole."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
@@ -34,7 +34,7 @@ class Range(BaseModel):
     count: Annotated[int, Ge(1)] | None = None
     """Number of values in a full grid."""
     log: bool = False
-    """True for values that differ by equal factors, False for equal steps."""
+    """True for values with equal ratios, False for equal steps."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -45,7 +45,7 @@ class Range(BaseModel):
         return self
 
     def value_at(self, u: float) -> int | float:
-        """Return the value at position u of the range, 0 to 1; whole numbers have equal shares of 0..1."""
+        """Return the value at position u, 0 to 1; whole numbers divide the range into equal parts."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._interpolate(u)
@@ -71,7 +71,7 @@ class Range(BaseModel):
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis of the design space: keys that change together, in a range or in rows of values."""
+    """An axis of the design space: one key with a range, or keys that change together in rows of values."""
 
     keys: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...] = ()
@@ -83,7 +83,7 @@ class Axis:
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def changes_at(self, u: float) -> dict[str, Any]:
-        """Return the changes at position u of the axis, 0 to 1; rows have equal shares of 0..1."""
+        """Return the changes at position u, 0 to 1, of the axis; rows divide it into equal parts."""
         if self.span is not None:
             return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
@@ -100,8 +100,8 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as dotted keys. Three kinds of tables stay values: ranges, which have the key `from`;
-    empty tables; and tables below a quoted dotted key, as after --set."""
+    """Return nested tables as one table with dotted keys. Three kinds of tables stay as they are: ranges, which have
+    the key `from`; empty tables; and tables whose own key has dots, as after --set."""
     entries: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
@@ -112,7 +112,7 @@ def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def number(text: str) -> int | float:
-    """Return the number of a text: '5' as int, '5.0' as float. Raises ValueError without a finite number."""
+    """Return the number in a text: '5' as int, '5.0' as float. Raises ValueError if it is not a finite number."""
     value: int | float = int(text) if text.strip().lstrip("+-").isdigit() else float(text)
     if not isfinite(value):
         raise ValueError(text)
@@ -164,12 +164,12 @@ class Constraint:
         return cls(name, sign, limit)
 
     def holds(self, values: Mapping[str, float]) -> bool:
-        """Return True if the measured values meet the constraint; False without the metric."""
+        """Return True if the measured values meet the constraint, and False if its metric is missing."""
         value = values.get(self.metric, float("nan"))
         return not isnan(value) and _HOLDS[self.sign](value, self.limit)
 
     def missed_by(self, values: Mapping[str, float]) -> float:
-        """Return the relative distance from the limit: 0 if the constraint holds, inf without the metric."""
+        """Return the relative distance from the limit: 0 if the constraint holds, inf if its metric is missing."""
         value = values.get(self.metric, float("nan"))
         if isnan(value):
             return float("inf")
@@ -190,7 +190,7 @@ USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # default metrics 
 
 
 class Search(BaseModel):
-    """Section [search]: the metric that a search minimises or maximises, in place of a sampling."""
+    """Section [search]: the metric that a search minimises or maximises; it replaces `sampling`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 

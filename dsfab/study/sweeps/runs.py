@@ -44,7 +44,7 @@ def points(plan: Plan) -> list[Changes]:
 
 
 def digest(changes: Mapping[str, Any]) -> str:
-    """Return a text that identifies the changes of a run."""
+    """Return a short text that is different for different changes."""
     return hashlib.sha256(json.dumps(changes, sort_keys=True, default=str).encode()).hexdigest()[:20]
 
 
@@ -57,7 +57,7 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
 
 
 def trials(plan: Plan) -> list[Changes]:
-    """Return test points that reveal mistakes in a search's keys and values: ends and inner points of each axis."""
+    """Return test points that show mistakes in a search's keys and values: ends and inner points of each axis."""
     middle = np.full(len(plan.axes), 0.5)
     runs = []
     for i, axis in enumerate(plan.axes):
@@ -101,9 +101,9 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """Yield a run for each row of a CSV file; each column is a dotted key, with values as after --set.
-    If some columns begin with 'in:', all other columns are ignored. Raises PresetError for a file without rows, and for
-    a file that cannot be read."""
+    """Yield the changes of each row in a CSV file; each column is a dotted key, with values as after --set.
+    If some columns begin with 'in:', all other columns are ignored.
+    Raises PresetError for a file that has no rows or cannot be read."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -122,7 +122,7 @@ NAME, FORMAT = "runs.db", 1
 State = Literal["waiting", "running", "done", "failed", "killed"]
 """State of a run. Failed: the design cannot be built. Killed: the system killed the worker; the design may be sound."""
 _KILLED_ONCE = "state = 'failed' AND error LIKE 'the worker was killed % times while it made this run%'"
-"""Condition for killed runs that an older dsfab recorded as failed."""
+"""SQL condition for runs that an older dsfab recorded as failed, although they were killed."""
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE runs (
@@ -135,7 +135,7 @@ CREATE INDEX by_state ON runs (state);
 
 @dataclass(frozen=True)
 class RunRow:
-    """A recorded run. tries : number of starts.    lost : number of workers that died in it, in all sessions."""
+    """A recorded run. tries : how often it was started.    lost : how often its worker died, in all sessions."""
 
     number: int
     changes: Mapping[str, Any]
@@ -245,7 +245,7 @@ class Store:
         return count
 
     def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
-        """Set runs in these states to waiting, by default the runs of a coordinator that died. Return their number."""
+        """Set runs in these states (by default, of an interrupted session) to waiting. Return their number."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
@@ -259,7 +259,7 @@ class Store:
             )
 
     def lose(self, number: int) -> None:
-        """Record that the worker of a run died; the run waits again."""
+        """Record that the worker of a run died, and set the run to waiting."""
         with self._change() as db:
             db.execute("UPDATE runs SET state = 'waiting', lost = lost + 1 WHERE number = ?", (number,))
 
@@ -318,12 +318,12 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 
 FEWEST, PER_AXIS = 12, 4
-"""Points of a generation: at least `FEWEST`, or `PER_AXIS` for each axis. The number does not depend on the length of a
-search, so that a search can be extended."""
+"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. It does not depend on
+the number of evaluations, so that a search can be extended."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
-"""Least costs of runs that miss constraints, failed, or were not made; a smaller miss costs less [Deb 2000]."""
+"""Smallest costs of runs that miss constraints, failed, or were not made; nearer to a limit costs less [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Function that makes missing runs, and returns all runs by digest."""
+"""Function that makes the proposed runs that are missing, and returns all runs by `digest`."""
 
 
 def search(plan: Plan, make: Make) -> None:

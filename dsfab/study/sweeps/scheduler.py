@@ -11,7 +11,7 @@ from dsfab.study.sweeps.runs import Store
 from dsfab.study.sweeps.workers import Changes, Outcome, Workers
 from dsfab.study.variations import stage_order
 
-TRIES = 2  # number of dead workers after which a run is recorded as killed; the next session makes it alone
+TRIES = 2  # after so many dead workers, a run is recorded as killed; the next session makes it alone
 PATIENCE = 600.0  # seconds without workers after which the scheduler stops
 Deliver = Callable[[Outcome, Changes], list[str]]  # writes the files of a run and returns their names
 
@@ -40,7 +40,7 @@ class Progress:
 
     @property
     def seconds_left(self) -> float:
-        """Seconds until the end, at the rate of this session."""
+        """Expected seconds until the end of the sweep, at the rate of this session."""
         return 60 * self.remaining / self.rate if self.ended_now else float("inf")
 
 
@@ -53,8 +53,8 @@ def conduct(
     progress: Progress | None = None,
 ) -> None:
     """Carry out the waiting `runs` (changes by number) of a store, until each is done, failed or killed.
-    report   : receives the progress before the first run and after each run.
-    progress : progress of the whole sweep; by default counted from the recorded runs.
+    report   : is called with the progress, before the first run and after each run.
+    progress : of the whole sweep; default: counted from the recorded runs.
     Raises DsfabError if nothing can be written, or if no worker appears. After an error, unfinished runs are still
     recorded as running; `Store.reset_to_waiting` resets them."""
     _Scheduler(store, crew, runs, deliver, report, progress or current_progress(store)).run()
@@ -68,7 +68,7 @@ def current_progress(store: Store, total: int | None = None) -> Progress:
 
 
 class Rows:
-    """Queues of waiting runs: a queue for each worker, and a queue of free runs for all workers."""
+    """Queues of waiting runs: one for each worker, and one of free runs, which belong to no worker yet."""
 
     def __init__(self, numbers: Sequence[int], changes: Sequence[Changes]) -> None:
         self._free: list[int] = [numbers[i] for i in stage_order(changes)]
@@ -78,7 +78,7 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return the next run of a worker, or None. An empty queue gets the free runs, or half of the longest queue."""
+        """Return a worker's next run, or None. An empty queue gets all free runs, or half of the longest queue."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()
@@ -156,7 +156,7 @@ class _Scheduler:
         worker, number = self.busy.pop(future)
         try:
             outcome = future.result()
-        except Exception as error:  # the worker died; errors of the run are part of the outcome
+        except Exception as error:  # the worker died; other errors are part of the outcome
             self._worker_died(worker, number, error)
             return
         self.crew.learn(outcome)

@@ -25,12 +25,12 @@ from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
-"""Function that draws a design as the bytes of a PNG file; only `dsfab.app` can draw, and passes the function."""
+"""Function that returns the picture of a design as bytes of a PNG file; `dsfab.app` passes it, because it can draw."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """Input that all runs of a sweep share, as data that can be sent to workers.
+    """Data that all runs of a sweep need, in a form that can be sent to workers.
     token   : text that identifies the job.    preset : the base preset as nested tables.
     metrics, keep, formats : see `Plan`.       draw : function that draws a picture, or None.
     mesh    : content of the preset's mesh file, for workers that cannot read the file."""
@@ -60,12 +60,12 @@ class Outcome:
     killed: bool = False
 
 
-_run_lock = threading.Lock()  # for one run at a time, because solver and graphics are not thread-safe
-_thread_state = threading.local()  # of each worker thread: the job, its base preset, and the last design
+_run_lock = threading.Lock()  # only one run at a time: solver and graphics are not thread-safe
+_thread_state = threading.local()  # for each worker thread: the job, its base preset, and the last design
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
-    """Carry out a run and return its outcome, which has all computed metrics, and the error if the run failed."""
+    """Carry out a run and return its outcome. A failed run has an error, and the metrics that were computed before."""
     with _run_lock:
         return _run_job(job, number, changes)
 
@@ -146,20 +146,20 @@ class Workers(Protocol):
         """Return the names of present workers."""
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """Start a run on a worker. The future raises if the worker dies."""
+        """Start a run on a worker. The future raises an error if the worker dies."""
 
     def lost(self, worker: str) -> str:
         """Forget a worker that died or must stop. Return the reason, or '' if the reason is unknown."""
 
     def learn(self, outcome: Outcome) -> None:
-        """Record the peak memory of a finished run, because it limits the number of workers."""
+        """Take note of a finished run's peak memory, which limits the number of workers."""
 
     def close(self) -> None:
         """End all workers at once."""
 
 
 class OneWorker:
-    """Workers of which only the first works. All others are stopped, so that the first can use the whole memory."""
+    """A set of workers of which only the first one works; the others are stopped, so that it has the whole memory."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew
@@ -184,12 +184,12 @@ class OneWorker:
 
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables that limit a worker to one thread, because results may depend on the number of threads."""
+"""Environment variables that give a worker one thread, because results may depend on the number of threads."""
 
 
 class LocalWorkers:
-    """Processes on this machine. Each worker is a pool of one process, so that a killed worker stops no other worker.
-    workers : number of workers; default: as many as fit into memory, by the peak memory of finished runs."""
+    """Worker processes on this machine, each in its own pool, so that a killed worker stops no other worker.
+    workers : their number; default: as many as fit into memory, by the peak memory of finished runs."""
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
         self._job, self._asked = job, workers
@@ -198,7 +198,7 @@ class LocalWorkers:
         self._pids: dict[str, int] = {}
 
     def workers(self) -> Collection[str]:
-        """Return the names of as many workers as fit into memory."""
+        """Return the names of the workers, as many as fit into memory."""
         return [f"worker {i}" for i in range(1, self._count() + 1)]
 
     def _count(self) -> int:
@@ -232,7 +232,7 @@ class LocalWorkers:
             self._pids[worker] = future.result()
 
     def lost(self, worker: str) -> str:
-        """End a worker. Return a reason if the system has killed a process for lack of memory since the last call."""
+        """End a worker. Return a reason if a process was killed for lack of memory since the last call; else ''."""
         self._pids.pop(worker, None)
         pool = self._pools.pop(worker, None)
         if pool is None:
@@ -254,7 +254,7 @@ class LocalWorkers:
 
 @contextmanager
 def quiet_start() -> Iterator[None]:
-    """Context in which new processes get one thread each, and ignore Ctrl-C, which the coordinator handles."""
+    """Return a context in which new processes get one thread each and ignore Ctrl-C, which the coordinator handles."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     in_main_thread = threading.current_thread() is threading.main_thread()
@@ -360,7 +360,7 @@ MEMORY = 3e9  # expected memory of one process, bytes
 
 
 def fitting_processes(count: int) -> int:
-    """Return the number of useful processes for `count` items: one for each core, if memory suffices."""
+    """Return the number of processes for `count` items: one for each item, as far as cores and memory allow."""
     free = free_memory()
     return max(1, min(count, cores(), int(free / MEMORY) if free else cores()))
 
@@ -368,8 +368,8 @@ def fitting_processes(count: int) -> int:
 def map_in_processes(
     job: Callable[[Item], Result], items: Sequence[Item], workers: int, work: Callable[[Item], float] | None = None
 ) -> Iterator[Result]:
-    """Yield job(item) for each item in order, from `workers` processes of one thread each, or from this process (1).
-    work : relative duration of an item; the longest items start first, so that all processes end together.
+    """Yield job(item) for each item in order, from `workers` processes of one thread each; if 1, from this process.
+    work : expected duration of an item in any unit; long items start first, so that all processes end together.
     Raises DsfabError if a process dies. If the caller stops iterating, all processes end."""
     if workers == 1:
         yield from map(job, items)

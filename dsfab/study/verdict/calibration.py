@@ -1,4 +1,4 @@
-"""Calibration of the error bound of verdicts: random designs, their table, and statistics of the table."""
+"""Tests of the error bound of verdicts: random designs, a table of their results, and its statistics."""
 
 import csv
 import io
@@ -40,9 +40,9 @@ class TrialRow:
     vertices     : number in the uncut mesh.     triangles : number in the cut mesh.
     per_member, facets : see `Verdict`.
     quick        : compliance (J) with the elements hybrid + hhj on the unrefined cut mesh.
-    midedge      : J, with quadratic + midedge, on the first mesh of the verdict.
-    compliance   : J, with quadratic + hhj, on each mesh.
-    recovery     : ZZ error, membrane plus bending, on each mesh."""
+    midedge      : compliance (J) with quadratic + midedge on the first mesh of the verdict.
+    compliance   : in J, with quadratic + hhj, on each mesh.
+    recovery     : sum of `Level.zz_membrane` and `Level.zz_bending` on each mesh."""
 
     kind: str
     seed: int
@@ -59,12 +59,12 @@ class TrialRow:
 
     @property
     def is_plane(self) -> bool:
-        """True for a sheet that is solved in its plane."""
+        """True for a flat sheet that is loaded in its plane."""
         return self.kind == "cantilever"
 
     @property
     def levels(self) -> int:
-        """Number of meshes of the design's verdict: two, or three if two meshes do not converge."""
+        """Number of meshes in the design's verdict: two, or three if the bound after two is too large."""
         return 2 if self._estimate_after(2).bound <= CONVERGED else 3
 
     @property
@@ -74,7 +74,7 @@ class TrialRow:
 
     @property
     def truth(self) -> float:
-        """Compliance (J), extrapolated with the rate of convergence on all meshes."""
+        """Compliance (J) extrapolated from all meshes, which is taken as exact."""
         return estimates.limit_at_own_rate(self.compliance)
 
     @property
@@ -88,7 +88,7 @@ class TrialRow:
 
     @property
     def is_tested(self) -> bool:
-        """True if a finer mesh than those of the verdict was solved, which makes the truth independent."""
+        """True if `truth` is independent of the verdict, because a finer mesh was solved."""
         return len(self.compliance) > self.levels
 
     @property
@@ -106,8 +106,8 @@ class TrialRow:
 class Summary:
     """Statistics of the tested designs of a table.
     designs, converged : number of designs, and of converged designs.    largest_error : largest error of the verdict.
-    inside        : share of designs with an error below the bound.    median_bound : median bound of the verdict.
-    quick_median, quick_most : median and 90 % quantile of the error of the quick level."""
+    inside        : share of designs whose error is within the bound.    median_bound : median of all bounds.
+    quick_median, quick_most : median and 90 % quantile of the errors of `quick`."""
 
     designs: int
     inside: float
@@ -119,7 +119,7 @@ class Summary:
 
 
 def summary(rows: Sequence[TrialRow]) -> Summary:
-    """Return the statistics of a table. Raises ValueError if no row is tested."""
+    """Return the statistics of a table. Raises ValueError if no row has `is_tested`."""
     rows = [row for row in rows if row.is_tested]
     if not rows:
         raise ValueError("no design was solved on a mesh beyond those of its verdict")
@@ -136,7 +136,7 @@ def summary(rows: Sequence[TrialRow]) -> Summary:
 
 
 def table_text(rows: Iterable[TrialRow]) -> str:
-    """Return the rows as CSV with six digits; spaces separate several numbers in a cell."""
+    """Return the rows as CSV with six digits. If a cell has several numbers, spaces separate them."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names = [field.name for field in fields(TrialRow)]
@@ -152,7 +152,7 @@ def shipped_table() -> list[TrialRow]:
 
 
 def read_table(text: str) -> list[TrialRow]:
-    """Return the rows of a text by `table_text`."""
+    """Return the rows of a text that `table_text` has written."""
     rows = []
     for cells in csv.DictReader(io.StringIO(text)):
         values: dict[str, Any] = {
@@ -211,8 +211,8 @@ KINDS: dict[str, Kind] = {
     ),
     "ring": Kind("bob", {"surface.edge": 0.1, "statics.thickness": 0.03, "pattern.keep": 0.08}, (3.0, 6.0)),
 }
-"""Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface of genus 1. The sphere has the
-snap value with which the shipped table was made."""
+"""Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface with one handle. The snap value
+of `sphere` is that of the shipped table."""
 
 
 def random_design(kind: str, seed: int) -> Design:
@@ -232,8 +232,8 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return a random design, solved on up to `count` meshes. Large designs whose verdict needs only two meshes get no
-    fourth mesh. Raises DsfabError if the design cannot be built or does not carry its loads."""
+    """Return the results of a random design on up to `count` meshes. The fourth mesh is left out for large designs
+    whose verdict needs only two. Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())
@@ -259,7 +259,7 @@ def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
         tuple(mesh_level.compliance[case] for mesh_level in levels),
         tuple(mesh_level.zz_membrane[case] + mesh_level.zz_bending[case] for mesh_level in levels),
     )
-    largest_triangles = 100_000  # limit for the fourth mesh
+    largest_triangles = 100_000  # of a fourth mesh
     if count > 3 and (64 * row.triangles <= largest_triangles or not row.is_tested):
         finest = _solve(setting, next(finer), forces, MAIN_ELEMENTS)
         recovery = finest.zz_membrane[case] + finest.zz_bending[case]

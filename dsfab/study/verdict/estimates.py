@@ -11,29 +11,29 @@ from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
 EXTRAPOLATION_DIVISOR = 2.0  # d in the value c1 + (c1 - c0) / d from the compliances c0, c1 of two meshes
-LEAST_BOUND = 0.003  # smallest bound, because the calibration table itself is accurate to 0.1 or 0.2 % only
-QUICK_ERRORS = (0.02, 0.05)  # median and 90 % quantile of the relative error of the quick level
-LEAST_EDGES_PER_MEMBER = 4.0  # least width of members in edges of the uncut mesh without a warning
+LEAST_BOUND = 0.003  # smallest bound: the calibration table itself has errors of 0.1 to 0.2 %
+QUICK_ERRORS = (0.02, 0.05)  # median and 90 % quantile of the relative error of one solve (quick)
+LEAST_EDGES_PER_MEMBER = 4.0  # narrower members, in edges of the uncut mesh, give a warning
 
 
 @dataclass(frozen=True)
 class ComplianceEstimate:
-    """Compliance of a sheet (J). bound : half width of its interval, divided by the value."""
+    """Compliance of a sheet (J). bound : largest error, divided by the value."""
 
     value: float
     bound: float
 
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
-    """Return the compliance and its bound from the compliances by quadratic + hhj on successive meshes. Each mesh has
-    four times the triangles of the previous mesh.
-    spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. About half of it
-               remains after each refinement. Measuring it on finer meshes would add half of the solution time.
-    recovery : ZZ error of the finest mesh.
+    """Return the compliance and its bound, extrapolated from compliances `values` on finer and finer meshes. Each mesh
+    has four times the triangles of the previous one; the elements are quadratic + hhj.
+    spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. Each refinement
+               about halves it; measuring it on finer meshes would take too long.
+    recovery : recovery error of the finest mesh, see `Level.zz_membrane`.
 
     With three meshes, the value is the mean of two extrapolations: with `EXTRAPOLATION_DIVISOR`, and with the ratio of
-    the two steps. On the ten designs with a fourth mesh, neither extrapolation alone is better."""
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest factors for calibration.csv
+    the two differences between meshes. On the ten designs with a fourth mesh, neither of them alone is better."""
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest that suffice for calibration.csv
     if len(values) < 2:
         # in 19 of 20 designs the error is below 1.7 times the recovery error
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
@@ -46,7 +46,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate with the ratio of the last two steps, clipped to `STEP_RATIOS`, or with `EXTRAPOLATION_DIVISOR`."""
+    """Extrapolate by the ratio of the last two differences, limited to `STEP_RATIOS`, or by `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -55,15 +55,16 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
 
 WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for which two meshes suffice
 STEP_RATIOS = (1.5, 4.0)
-"""Smallest and largest ratio of successive steps for an extrapolation. With each mesh, the error of an eigenvalue falls
-to 1 / 2.1 at reentrant corners, and to 1 / 16 on smooth sheets. At a smaller ratio the steps do not shrink."""
+"""Smallest and largest ratio of successive differences between meshes, for an extrapolation. With each mesh, the error
+of an eigenvalue falls to 1 / 2.1 at reentrant corners, and to 1 / 16 on smooth sheets. Below the smallest ratio, the
+differences count as not decreasing."""
 
 
 @dataclass(frozen=True)
 class ModeEstimate:
-    """Lowest load factor, or lowest frequency (Hz).
-    bound : half width of the interval, divided by the value; inf for one mesh.
-    ratio : first step of the value divided by the second, from mesh to mesh; None for fewer than three meshes."""
+    """Lowest buckling factor, or lowest frequency (Hz).
+    bound : largest error, divided by the value; inf for one mesh.
+    ratio : difference between the first two meshes, divided by that between the last two; None without three meshes."""
 
     value: float
     bound: float
@@ -77,14 +78,14 @@ class ModeEstimate:
 
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     """Return value and bound from the lowest eigenvalue on one to three meshes, each with four times the triangles of
-    the previous mesh.
+    the previous mesh. A step is the difference of the values on two successive meshes.
 
-    With two meshes, half of the step between them is added to the last value. The bound is the whole step, which covers
-    step ratios from 1.7. With three meshes, the value is extrapolated with the ratio of the two steps, clipped to
-    `STEP_RATIOS`; the bound is the extrapolated part. If the two steps have opposite signs, the value is that of the
-    finest mesh, and the bound is twice the last step. If steps do not shrink, the bound is twice the larger step. The
-    rule is not calibrated on random designs. It covers mesh errors only: the sheet is thin, perfect in shape, and
-    linear until it buckles."""
+    With two meshes, half of the step is added to the last value. The bound is the whole step, which is enough for step
+    ratios from 1.7. With three meshes, the value is extrapolated by the ratio of the steps, limited to `STEP_RATIOS`;
+    the bound is the extrapolated part. If the steps have opposite signs, the value is that of the finest mesh, and the
+    bound is twice the last step. If the steps do not decrease, the bound is twice the larger step. Only mesh errors are
+    covered: the sheet is thin, perfect in shape, and linear until it buckles. The rule was not tested on random
+    designs."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -100,14 +101,14 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     return ModeEstimate(finest + extension, max(abs(extension) / (finest + extension), LEAST_BOUND), ratio)
 
 
-REENTRANT_ANGLE = np.radians(30)  # least inward turn of the border at a reentrant corner
+REENTRANT_ANGLE = np.radians(30)  # smallest excess of the angle at a reentrant corner over 180 degrees
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """Largest `value` of a quantity, its `place` (m), and its 99 % quantile by area.
-    away : largest value farther than a rib's width from corners, where stress peaks grow with refinement; None if no
-           face is so far away, or for quantities without peaks."""
+    """Largest `value` of a quantity, its `place` (m), and the value that 99 % of the area does not exceed (`quantile`).
+    away : largest value farther than a rib's width from corners, because the stress at corners grows with each
+           refinement; None if no face is so far away, or for other quantities than stress."""
 
     value: float
     place: tuple[float, float, float]
@@ -116,13 +117,13 @@ class Extreme:
 
     @property
     def settled(self) -> float:
-        """Largest value that converges under refinement: `away`, or else `value`."""
+        """Largest value that converges with refinement: `away`, or `value` if `away` is None."""
         return self.value if self.away is None else self.away
 
 
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
-    """Return extremes (Pa) of `stress` (von Mises), `tension` and `compression` (principal stresses).
-    Each is the largest of both sides and the middle of the sheet, at least 0. supported : (n,) mask of vertices."""
+    """Return extremes (Pa) of `stress` (von Mises), `tension` and `compression` (principal stresses). In each face, the
+    largest of both sides and the middle of the sheet counts, at least 0. supported : (n,) mask of vertices."""
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
         "stress": stress.largest,
@@ -134,7 +135,7 @@ def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> 
 
 
 def extreme(surface: Surface, value: Floats, off_corner_faces: Bools | None = None) -> Extreme:
-    """Return the extreme of values (m,) on faces. off_corner_faces : (m,) mask of the faces far from corners."""
+    """Return the largest of values (m,) on faces. off_corner_faces : (m,) mask of the faces far from corners."""
     worst = int(value.argmax())
     x, y, z = (float(v) for v in surface.centroids[worst] + 0.0)
     away = float(value[off_corner_faces].max()) if off_corner_faces is not None and off_corner_faces.any() else None
@@ -147,12 +148,12 @@ def quantile(value: Floats, weight: Floats, share: float = 0.99) -> float:
 
 
 def off_corners(surface: Surface, supported: Bools) -> Bools:
-    """Return a mask (m,) of faces at over a rib's width from all reentrant corners and ends of supports."""
+    """Return a mask (m,) of faces that are farther than a rib's width from reentrant corners and ends of supports."""
     corners = np.concatenate([inward_corners(surface), support_ends(surface, supported)])
     if not len(corners):
         return np.ones(surface.m, dtype=bool)
     distances, _ = cKDTree(surface.V[corners]).query(surface.centroids)
-    # at most 5 % of the size, because a sheet without openings has no ribs
+    # the limit of 5 % of the size is for sheets without openings, which have no ribs
     return np.asarray(distances > min(rib_width(surface), 0.05 * surface.size))
 
 

@@ -35,17 +35,17 @@ from dsfab.surface import LoadCase, Surface
 
 
 class Shares(NamedTuple):
-    """Forces of a load on a sheet, newtons, independent of the sheet's mesh.
+    """Forces of a load on a cut sheet, newtons, by places on the uncut surface; so they do not depend on the cut mesh.
     vertices : (n, 3) forces on the material around each vertex of the uncut surface.
-    faces    : (p, 3) forces on the material in each face of the uncut surface, up to the last face with material."""
+    faces    : (p, 3) forces on the material in each of its faces, up to the last face with material."""
 
     vertices: Floats
     faces: Floats
 
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
-    """Return the mesh-independent shares of each load on a sheet; their sum is the force of the load.
-    loads : see `sheet_loads`. The vertices of an uncut face share the forces at points inside the face."""
+    """Return the forces of each load by places on the uncut surface; their sum is the force of the load.
+    loads : see `sheet_loads`. Forces at points inside an uncut face are divided between its vertices."""
     areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
     for name, load in loads.items():
@@ -61,11 +61,11 @@ def on_mesh(
     """Return supports and loads on any mesh of a sheet of the uncut surface.
     uncut_loads : supports and loads on the uncut surface.    forces : `shares` of these loads.
 
-    The force of a vertex spreads over the material around it, in proportion to the hat function of the uncut mesh. So a
-    load has the same place and size on every mesh, and no force acts on a point, which would move a sheet in its plane
-    infinitely far. A load on a face spreads evenly over the face's material. The sum of all forces is exact."""
+    The force of a vertex spreads over the material around it, in proportion to the linear shape function of the uncut
+    mesh. So a load has the same place and size on every mesh, and is no point force: under that, a sheet in its plane
+    would move infinitely far. A load on a face spreads evenly over the face's material."""
     F, areas = sheet.surface.F, sheet.surface.areas
-    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sums over corners
+    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum of the corners
     mass = np.asarray(hats.T @ areas)
     material = np.bincount(sheet.parent, areas)
     cases, spreads = {}, {}
@@ -82,12 +82,12 @@ PARABOLIC_SHEAR = 6 / 5  # energy factor of a parabola of shear stress over the 
 
 
 class RibSoftening(NamedTuple):
-    """Effects that make a solid softer than a thin sheet, divided by the thin sheet's compliance.
-    torsion : growth of the compliance if ribs twist as bars of their own width and thickness (`solve_cases`); inf if
-              this second solve fails.
-    shear   : energy of transverse shear, 6 q^2 / (5 G h) per square metre. The shear force q is averaged over faces
-              within half a thickness, because a solid spreads the shear force at a neck.
-    bending : energy of bending, times the square root of thickness / mean rib width."""
+    """Effects that make a solid softer than a thin sheet, each as compliance divided by that of the thin sheet.
+    torsion : additional compliance if ribs twist as bars of their own width and thickness (`solve_cases`); inf if this
+              second solve fails.
+    shear   : transverse shear, 6 q^2 / (5 G h) per square metre. The shear force q is averaged over faces within half a
+              thickness, because a solid spreads the shear force at a narrow place.
+    bending : bending, times the square root of thickness / mean rib width."""
 
     torsion: float
     shear: float
@@ -102,7 +102,7 @@ def rib_softening(
     answers: Mapping[str, Equilibrium],
     stresses: Mapping[str, SheetStress],
 ) -> dict[str, RibSoftening]:
-    """Return the softening of a solved sheet for each load case, by a second solve on the same mesh."""
+    """Return the effects for each load case of a solved sheet, by a second solve on the same mesh."""
     surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
         barred = [answer.compliance for answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
@@ -124,8 +124,8 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """Return the matrix (m, m) that averages vectors of faces by area within `reach` metres. Vectors of faces with
-    opposite normals change their sign."""
+    """Return the matrix (m, m) that averages vectors of faces over all faces within `reach` metres, weighted by area.
+    Vectors of faces whose normals are opposite change their sign."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -135,37 +135,36 @@ def _means_within(surface: Surface, reach: float) -> csr_array:
 
 
 def theory_share(soft: RibSoftening) -> float:
-    """Return the relative difference by which a solid may be softer than a thin sheet.
+    """Return the largest expected value of the solid's compliance divided by that of the thin sheet, minus 1.
 
-    The factors cover all solids that CalculiX solved as quadratic wedges: 39 random designs, and 31 designs on other
-    surfaces (`solids.csv`; 8 of these, seed 3, are newer than the formula). All solids are softer than thin sheets.
-    Torsion and shear follow from mechanics; the bending term covers joints of ribs and thick shells."""
+    The factors are large enough for all solids that CalculiX solved as quadratic wedges: 39 random designs, and 31 on
+    other surfaces (`solids.csv`). Of these, 8 with seed 3 came after the formula. All were softer than thin sheets.
+    Torsion and shear follow from mechanics; the bending term is for joints of ribs and thick shells."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
-"""The pair of elements of a verdict, and a second pair whose errors mostly have the opposite sign."""
-QUICK_ELEMENTS = elements_of("compliance_once")  # for the quick level, which solves one mesh only
+"""Elements (membrane and bending) of a verdict, and a second pair whose errors mostly have the opposite sign."""
+QUICK_ELEMENTS = elements_of("compliance_once")  # for one solve (quick)
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
 }
-"""Memory of a solve per unknown, by solver and bending element, measured at 0.3 to 3.3 million unknowns. PARDISO stores
-half of a symmetric factor, after its input is freed: 1.2 million unknowns take 2.7 GB instead of 4.9 GB."""
+"""Memory (bytes) of a solve per unknown, by solver and bending element, from solves with 0.3 to 3.3 million unknowns.
+PARDISO needs less, because it stores only half of a symmetric factor: 2.7 GB instead of 4.9 GB for 1.2 million."""
 
 
 @dataclass(frozen=True)
 class Level:
-    """One mesh of a verdict. The main pair of elements is `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` at the quick level.
-    triangles  : number of triangles.      unknowns : number for the main pair; a plane sheet has no bending unknowns.
+    """One mesh of a verdict. The main pair of elements is `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` for a single mesh.
+    triangles  : number of triangles.      unknowns : their number in the main pair.
     compliance : J, by the main pair, for each case.
     midedge    : J, by `SPREAD_ELEMENTS`, for each case; empty if this pair was not solved.
-    zz_membrane, zz_bending : squared error of the main pair's recovered stress [Zienkiewicz and Zhu 1987] for each
-                 case, divided by the compliance.
+    zz_membrane, zz_bending : relative energy errors of the main pair for each case, see `recovery_errors`.
     residual   : largest relative residual of all cases and pairs, in the energy norm (see `Equilibrium`).
     seconds    : time of both pairs.       memory     : bytes, the peak of the process so far.
-    stresses   : main pair's stresses for each case, see `stress_extremes`.
-    softer     : main pair's softening for each case; empty for a plane sheet, or if not requested."""
+    stresses   : `stress_extremes` of the main pair for each case.
+    softer     : `rib_softening` for each case; empty if not requested, and for a sheet in its plane."""
 
     triangles: int
     unknowns: int
@@ -189,12 +188,12 @@ def level(
     ribs: bool = False,
 ) -> Level:
     """Solve the sheet on one mesh, under loads on the same supports.
-    ribs : whether to add a second solve in which ribs twist as bars, see `RibSoftening`.
+    ribs : True to add a second solve in which ribs twist as bars, see `RibSoftening`.
     Raises StaticsError as `equilibria`."""
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
     answers_by_pair, model = {}, material.model_for(surface)
-    for pair in pairs[:1] if plane else pairs:  # in a plane, both pairs are the same
+    for pair in pairs[:1] if plane else pairs:  # a flat sheet in its plane has no bending elements
         elements = pair.in_plane if plane else pair
         K = sheet_stiffness(model, elements)
         answers = equilibria(surface, K, list(loads.values()), elements, spreads=list(spreads.values()))
@@ -224,8 +223,8 @@ def level(
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the squared energy errors of membrane and bending, divided by the compliance. An error is the difference
-    between the stress and its average around vertices [Zienkiewicz and Zhu 1987]; 0 for elements of constant stress."""
+    """Return the energies of the stress errors of membrane and bending, divided by the compliance. The error is the
+    difference between the stress and its average at vertices [Zienkiewicz and Zhu 1987]; 0 for constant stress."""
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness
@@ -236,12 +235,12 @@ def recovery_errors(
 
 
 def _energy_norm(surface: Surface, difference: Floats, matrix: Floats) -> float:
-    """Return the integral of d . matrix . d, for `difference` d (m, 3 corners, 3), linear on each face."""
+    """Return the integral of d . matrix . d; `difference` d (m, 3 corners, 3) is linear on each face."""
     weighted = difference @ matrix
     sums = np.einsum("mi,mi->m", difference.sum(axis=1), weighted.sum(axis=1))
     return float((np.einsum("mci,mci->m", difference, weighted) + sums) @ surface.areas / 12)
 
 
 def memory_needed(unknowns: int, bending: str | None, solver: str) -> int:
-    """Return the estimated bytes of a solve, by a solver of `dsfab.core.sparse.solver_name`."""
+    """Return the expected memory (bytes) of a solve. solver : a name from `dsfab.core.sparse.solver_name`."""
     return int(BYTES_PER_UNKNOWN[solver][bending] * unknowns)

@@ -1,4 +1,4 @@
-"""Buckling factors and frequencies with a bound, extrapolated from a cut sheet's mesh and finer meshes."""
+"""Buckling factors and frequencies with error bounds, extrapolated from a cut sheet's mesh and finer meshes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -29,15 +29,15 @@ from dsfab.study.verdict.levels import memory_needed, on_mesh, shares
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-MODE_ELEMENTS: Elements = elements_of("buckling")  # also for frequencies, which share the stiffness matrix
+MODE_ELEMENTS: Elements = elements_of("buckling")  # also for frequencies, for the same stiffness matrix
 
 
 @dataclass(frozen=True)
 class ModeLevel:
-    """Modes on one mesh of `triangles` triangles.
+    """Lowest buckling factors and frequency (Hz) on one mesh of `triangles` triangles.
     buckling : lowest buckling factor of each case; None for a case without compression; empty if not requested.
-    hertz    : lowest frequency; None if not requested.
-    local    : clause about a local buckling mode, by case, see `lowest_buckling`."""
+    hertz    : None if not requested.
+    local    : clause about a local buckling mode for each case that has one, see `lowest_buckling`."""
 
     triangles: int
     buckling: Mapping[str, float | None]
@@ -49,7 +49,7 @@ class ModeLevel:
 class ModeIntervals:
     """Buckling factors and frequency, extrapolated from all meshes.
     buckling : the lowest factor of each case with its bound, without cases that do not buckle.
-    hertz    : the lowest frequency with its bound; None without a request or a result.
+    hertz    : the lowest frequency with its bound; None if not requested or not found.
     levels   : the meshes, coarse to fine.
     assumed  : assumptions about the supports (`mode_supports`), or ''.
     refusals : reasons why a value or a finer mesh is missing."""
@@ -72,9 +72,9 @@ def mode_intervals(
     """Return the lowest buckling factor of each case and the lowest frequency of a sheet, as requested.
 
     The solver runs on the cut mesh, with points on the smooth surface, and on the next finer mesh. A third mesh follows
-    if a bound exceeds `WIDEST_MODE_BOUND`. Loads spread as in `check`. The result has no mode shapes.
+    if a bound exceeds `WIDEST_MODE_BOUND`. The result has no mode shapes.
     budget : bytes; a mesh that would need more is not solved.
-    Errors do not raise: `refusals` lists them."""
+    Errors are not raised, but listed in `refusals`."""
     levels: list[ModeLevel] = []
     refusals: list[str] = []
     assumed = ""
@@ -82,7 +82,7 @@ def mode_intervals(
         sheet, _, loads = attached_material(setting, material)
         forces = shares(sheet, loads)
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
-            # two factorisations are stored, so the larger figure of both solvers counts
+            # two factorisations are stored, so the memory is estimated for the solver that needs more
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")

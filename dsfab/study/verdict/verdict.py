@@ -39,7 +39,7 @@ from dsfab.surface import LoadCase, Surface, pieces
 
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
-    """The uncut surface, the sheet's material, and the loads by case; designs in a comparison share them."""
+    """The uncut surface, the sheet's material and thickness (`made`), and the loads by case."""
 
     surface: Surface
     made: SheetMaterial
@@ -47,7 +47,7 @@ class LoadedSurface:
 
     @classmethod
     def from_design(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
-        """Return the surface, cases and combinations of a design whose sheet has `share` of its thickness."""
+        """Return the surface, cases and combinations of a design whose thickness is multiplied by `share`."""
         statics = design.preset.statics
         material, surface = statics.sheet(share * statics.thickness), design.surface
         loads = {name: case.load.of_thickness(surface, share) for name, case in design.statics.cases.items()}
@@ -55,7 +55,7 @@ class LoadedSurface:
 
 
 class Dropped(NamedTuple):
-    """A piece of material that reaches no support: its area (m2), and a point of the piece (m)."""
+    """A piece of material that reaches no support: its area (m2), and the place (m) of one of its points."""
 
     area: float
     place: tuple[float, float, float]
@@ -100,12 +100,12 @@ Depth = Literal["quick", "full"]
 class CaseVerdict:
     """The verdict on one load case or combination.
     value  : compliance, J; nan without a solution.
-    bound  : half width of the interval of the true compliance, divided by the value; inf if unknown.
-    status : pass: the sheet carries the loads, and the bound is at most `CONVERGED`. fail: the sheet does not carry
-             the loads. unknown: the bound is larger.
+    bound  : largest error of the value, divided by the value; inf if unknown.
+    status : pass: the sheet carries the loads, and the bound is at most `CONVERGED`. fail: the sheet does not carry the
+             loads. unknown: the bound is larger.
     spread : compliance by quadratic + midedge divided by that by quadratic + hhj, minus 1, on the first mesh.
     zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
-    theory : share by which a solid may be softer than this thin sheet; see `theory_share`."""
+    theory : fraction by which a solid may be softer than this thin sheet, see `theory_share`."""
 
     name: str
     value: float
@@ -122,13 +122,13 @@ class CaseVerdict:
 class Verdict:
     """Result of `check`.
     depth      : quick (one mesh) or full (two or three meshes).
-    status     : the worst of all cases.       reason : reason of the governing case.
-    cases      : the governing case first: the worst status, then the largest compliance.
+    status     : the worst of all cases.       reason : reason for the status of the governing case.
+    cases      : sorted: the worst status first, then the largest compliance. The first case governs.
     levels     : the solved meshes, coarse to fine.
     dropped    : pieces of material that reach no support, largest first; the solver omits them.
     per_member : mean width of members in edges of the uncut mesh; inf for a closed sheet without openings.
     facets     : median of L^2 / (R h) of the uncut mesh: edge length L, radius of curvature R, thickness h.
-    warnings   : a sentence for each of `per_member` and `facets` that is beyond its limit."""
+    warnings   : a sentence if `per_member` is too small, and if `facets` is too large."""
 
     depth: Depth
     status: Status
@@ -148,12 +148,12 @@ class Verdict:
 
     @property
     def bound(self) -> float:
-        """Half width of the interval of the governing case, divided by its value."""
+        """Largest error of the governing case, divided by its value."""
         return self.cases[0].bound
 
     @property
     def theory(self) -> float:
-        """Share by which a solid may be softer than the thin sheet."""
+        """Fraction by which a solid may be softer than the thin sheet in the governing case."""
         return self.cases[0].theory
 
     @property
@@ -200,7 +200,7 @@ class Refinement:
     unsolved: bool = False
 
     def refine(self, sheet: Sheet, loads: Mapping[str, LoadCase]) -> None:
-        """Solve meshes until all cases pass or no further mesh is possible. loads : loads on the sheet."""
+        """Solve finer and finer meshes until all cases pass or a limit is reached. loads : loads on the sheet."""
         forces = shares(sheet, loads)
         bent = islice(meshes(sheet, self.smooth), MOST_MESHES)
         for mesh in [sheet] if self.depth == "quick" else bent:
@@ -244,7 +244,7 @@ class Refinement:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         pairs: tuple[Elements, ...] = (QUICK_ELEMENTS,)
-        if self.depth == "full":  # the spread between the pairs is measured on the first mesh
+        if self.depth == "full":  # the second pair is only solved on the first mesh
             pairs = (MAIN_ELEMENTS,) if self.levels else (MAIN_ELEMENTS, SPREAD_ELEMENTS)
         ribs = self.depth == "full" and not self.levels
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))
@@ -292,14 +292,13 @@ def check(
     cells: Sheet | None = None,
 ) -> Verdict:
     """Return the compliance of a cut sheet under its loads with a bound, or the reason why it is unknown or fails.
-    subject : a design, or a `LoadedSurface` that designs in a comparison share.
+    subject : a design, or a `LoadedSurface`.
     sheet   : the material on the subject's surface, with loose pieces; default: that of the design.
-    depth   : "quick": one solve on the unrefined mesh. "full": solves on the cut mesh and on its refinement, whose
-              points lie on the smooth surface, and extrapolates. A third mesh follows if the bound exceeds 2 %.
+    depth   : "quick": one solve on the unrefined mesh. "full": an extrapolation from the cut mesh and its refinement,
+              with points on the smooth surface. A third mesh follows if the bound exceeds 2 %.
     budget  : bytes that the solver may take; a mesh that would need more is not solved, and the reason says so.
-    cells   : the cut mesh, with openings; default: that of a design. If needle faces stop the solver, they are flipped
-              and collapsed (`dsfab.slicing.finishing.mesh_quality`), and the solver runs again. Without this step, 781
-              needles among 38 127 triangles made a sheet look like a mechanism.
+    cells   : the cut mesh with openings; default: that of a design. If needle-shaped faces stop the solver, they are
+              removed from this mesh (`dsfab.slicing.finishing.mesh_quality`), and the solver runs again.
 
     A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError without a sheet."""
     start = time.perf_counter()
@@ -354,7 +353,7 @@ def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...],
 
 
 def facet_ratio(smooth: SmoothSurface, thickness: float) -> float:
-    """Return L^2 / (R h) of flat faces: eight times the median length of `bulge`, divided by the thickness h."""
+    """Return the median of L^2 / (R h) (see `Verdict.facets`), which is 8 times the length of `bulge` divided by h."""
     return 8 * float(np.median(np.linalg.norm(smooth.bulge, axis=1))) / thickness
 
 
