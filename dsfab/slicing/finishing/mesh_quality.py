@@ -278,8 +278,7 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
     """Return a mask (k,) of moves v -> w that keep the mesh a surface, and close no triangle of three lines.
 
-    Only the opposite vertices of edge v-w may be neighbours of both [Dey et al. 1999].    row, F : cells around each v.
-    """
+    Only the opposite vertices of edge v-w may be neighbours of both [Dey et al. 1999]. row, F : cells around each v."""
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
     pair = distinct(star_vertices[0][is_neighbour] * len(cut.surface.V) + star_vertices[1][is_neighbour])

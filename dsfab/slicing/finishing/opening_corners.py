@@ -156,8 +156,7 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners outside disjoint arcs (p,) at `tips`; the feet of these arcs become corners with turn
-        0."""
+        """Return the corners outside disjoint arcs (p,) at `tips`; the feet of these arcs are corners with turn 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -169,8 +168,7 @@ class Corners:
 
     @cached_property
     def next_corner(self) -> Ints:
-        """(k,) the next corner along the chain, -1 at the end of an open chain. A single corner is its own next
-        corner."""
+        """(k,) the next corner along the chain, -1 at the end of an open chain; a single corner follows itself."""
         chain = self.walls.chain[self.first]
         follow = next_in_chains(chain)
         follow[(follow <= np.arange(len(chain))) & ~self.walls.closed[chain]] = -1
@@ -253,8 +251,7 @@ class Corners:
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
     def wall_line(self, rows: Ints, reach: Floats, back: bool) -> Floats:
-        """Return the walls (p, q, 2) before (`back`) or behind corners (p,), in their `frames`, up to `reach` (p,)
-        metres.
+        """Return the walls (p, q, 2) before (`back`) or behind corners (p,), in their `frames`, up to `reach` metres.
 
         Shorter lines repeat their last point. The search examines 8 to 256 walls."""
         walls, V, count = self.walls, self.walls.surface.V, 8

@@ -59,8 +59,7 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) width of each opening, divided by the width of the narrower member beside a wall: the median of all
-        walls.
+        """(o,) width of each opening, divided by the narrower member's width beside a wall; the median of all walls.
 
         Only walls with an opposite wall count. If these are under 5 % of the walls, as in a triangle, the width is the
         side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of both values. The
@@ -99,8 +98,7 @@ class Openings:
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Return the number of slits along a family's cells (m',), and the fraction of their walls that lies at
-        slits."""
+        """Return the number of slits along a family's cells (m',), and the fraction of their walls at slits."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]
@@ -235,8 +233,7 @@ SNAP = 2e-3  # Vertices this near to a strip's side move onto it; in half widths
 class Strip:
     """A rectangular strip of material across void cells (c,), which begins in the first of these cells.
 
-    middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and width, metres.
-    """
+    middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and width."""
 
     cells: Ints
     family: int

@@ -102,8 +102,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """Divide pinches into groups in which no edge joins two pinches, because the linear distance is 0 along such an
-    edge."""
+    """Divide pinches into groups without an edge between two pinches, where the linear distance would be 0."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])

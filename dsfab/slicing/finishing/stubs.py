@@ -170,8 +170,7 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Return the group (b,) of chosen bars, -1 for others, and the number of groups; bars at one opening are a
-        group."""
+        """Return groups (b,) of the chosen bars, -1 for others, and their number; bars at one opening are a group."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]
@@ -217,7 +216,7 @@ def _angles(mesh: PolygonMesh) -> Floats:
 
 
 def _below_limits(x: Floats, limit_of_each: float | Floats) -> Bools:
-    """Mask (k,) of values x (k,) below their limits; of nearly equal values, all or none are below."""
+    """Return a mask (k,) of values x (k,) below their limits; of nearly equal values, all or none are below."""
     limits = np.broadcast_to(limit_of_each, x.shape)
     result = np.zeros(len(x), dtype=bool)
     for threshold in np.unique(limits):
