@@ -135,8 +135,7 @@ class Frames:
 
     @cached_property
     def turning(self) -> Floats:
-        """Angle r (e,): a direction at angle a in the frame of an edge's second end is at angle a + r in the first
-        end's frame."""
+        """(e,) angle r: a direction at angle a in the frame of an edge's second end is at angle a + r at the first."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]

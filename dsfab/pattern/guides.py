@@ -47,7 +47,7 @@ class Guide:
         if (self.curve is None) == (self.at is None):
             raise GuideError("give either curve = [[x, y, z], ...] or at = { pick = ... } with a direction")
         if self.at is not None and self.reach is not None:
-            raise GuideError("reach is for a curve; a region ends where its pick does")
+            raise GuideError("reach is for a curve; the pick alone sets the size of a region")
         if self.at is not None and self.member:
             raise GuideError("member is for a curve; remove member from a region")
         if self.curve is not None and self.direction is not None:
@@ -66,8 +66,7 @@ class Guide:
 @dataclass(frozen=True, eq=False)
 class Guidance:
     """The term of a guide in the minimisation of a cross field z: weight |z^2 - square / weight|^2.
-    weight : (n,) at the vertices.    square : (n,) weight times the square of the major stripes' direction, complex in
-    the vertices' frames."""
+    weight : (n,) at the vertices.    square : (n,) complex in their frames: weight x (direction of major stripes)^2."""
 
     weight: Floats
     square: Complexes
@@ -81,8 +80,7 @@ class Guidance:
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
-        """Return symmetric tensors (n, 3, 3) in space, of trace 0, which allow a comparison of guides at distant
-        vertices.
+        """Return symmetric tensors (n, 3, 3) of trace 0 in space, for comparing guides at distant vertices.
         A weight w gives the size w / (1 + w), because beyond w = 100 the field hardly changes."""
         e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
@@ -92,8 +90,7 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return squares (n,) of a guide's direction, complex in the vertices' frames, of size 0 to 1; 0 beyond its
-    reach."""
+    """Return squares (n,) of a guide's direction, complex in the vertices' frames, of size 0 to 1 (0: out of reach)."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None
@@ -174,9 +171,9 @@ class GuideLine:
         return lines
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
-        """Return the vertices (v,) of faces that the curve crosses, and target phases (v,) there, in periods, -1/2 to
-        1/2.
-        g : (n, 3) unit direction of the phase's gradient, up to sign.    density : (n,) periods per metre."""
+        """Return the vertices (v,) of faces that the curve crosses, and target phases (v,) there, in periods.
+        Phases are -1/2 to 1/2. g : (n, 3) unit direction of their gradient, up to sign. density : (n,) periods / metre.
+        """
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
         begin = np.arange(len(self.points) - 1)

@@ -55,8 +55,7 @@ def curve_fields(
 
 
 def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Bools:
-    """Return a mask (e',) of edges to divide for any of the regions; edges inside an earlier region need no
-    division."""
+    """Return a mask (e',) of edges to divide for any of the regions; none inside an earlier region."""
     parts, uncut = divided.surface, divided.whole
     size, sides = parts.edge_lengths, parts.edges.of
     finest, longest = np.zeros(len(size)), uncut.edge_lengths[uncut.edges.of].max(axis=1)
@@ -100,8 +99,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return a region's field (n,) on undivided faces; straight distances replace distances along the surface if
-    equal."""
+    """Return a region's field (n,) on undivided faces; from straight distances, if distances on it are equal."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -220,8 +218,7 @@ def outline_edges(surface: Surface, faces: Bools) -> Bools:
 
 
 def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
-    """Return the distance (n,) to the boundary along the surface, metres; beyond `reach` it is too large or
-    infinite."""
+    """Return the distance (n,) to the boundary along the surface, metres; not valid beyond `reach`."""
     return geodesic_distances(surface, boundary_origins(surface), reach).vertex
 
 
@@ -276,8 +273,7 @@ def _edge_ends(surface: Surface, edges: Bools) -> Bools:
 def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
-    """Return the layers of kept material: regions of the user, `keep` metres around marked vertices (n,), a `rim` in
-    metres.
+    """Return the layers of kept material: regions of the user, `keep` metres around marked vertices (n,), a `rim`.
     The outline around a patch is straight on each face, because the patch itself has the ragged edge of its faces.
     Around points and curves the outline is smooth, see `curve_fields`. Regions of the user end at edges of the
     surface, because dsfab has cut the surface along their outlines."""

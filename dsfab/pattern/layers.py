@@ -155,16 +155,14 @@ WIDTH_RULES = {
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
-    """Stripes whose phase is a whole number at centre lines; after halvings, only some of these lines remain, see
-    `wanted`.
+    """Stripes with centre lines where a phase is a whole number; halvings remove some of these lines, see `wanted`.
 
     phase   : at the corners, with all lines before halving.
     wanted  : for each halving, from the finest lines on: (m,) fraction of each face in which this halving's lines
               remain. Lines at multiples of 2^len(wanted) remain everywhere.
     slope   : (n,) lines of the phase per metre.    density : (n,) remaining lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
-    whole   : True if openings between crowded members become material as a whole, False if only their narrow parts do.
-    """
+    whole   : True if openings between crowded members become material as a whole, False if narrow parts only."""
 
     name: str
     stripes: Stripes
@@ -291,8 +289,7 @@ def _is_drawn(field: CornerField) -> Bools:
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
     """Return a function that estimates the fraction of the surface that layers cover, from sample points.
-    Its layers begin with `kept_layers`, which are counted once. The error is about 0.003; a cut takes ten times as
-    long."""
+    Its layers begin with `kept_layers`, which are counted once. The error is about 0.003; a cut is ten times slower."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 

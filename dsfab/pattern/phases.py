@@ -20,8 +20,7 @@ SHIFT = 1e-3
 eigenvectors."""
 FLOW = 0.25  # A step of diffusion has the duration 1 / tau, with tau = `FLOW` (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
-"""A locked phase that is this near to its target, in periods, becomes the target, so that edges get straight
-members."""
+"""A locked phase this near to its target, in periods, becomes the target, so that edges get straight members."""
 LOCK = 3.0  # Weight of a locked phase, divided by (2 pi / spacing)^2.
 
 
@@ -42,8 +41,7 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase along each edge from its first end, periods; the sign of g is that of the first
-        end."""
+        """(e,) growth of the phase along each edge, from its first end and with the sign of g there, periods."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -164,8 +162,7 @@ def _unit_numbers(x: Complexes) -> Complexes:
 class CornerPhase:
     """A phase of stripes on a surface, a whole number on centre lines.
     value    : (n,) at the vertices, periods.
-    sign     : (m, 3) 1 or -1, and shift : (m, 3) whole numbers: at its corner, a face has the phase sign * value +
-               shift.
+    sign     : (m, 3) 1 or -1, and shift : (m, 3) whole numbers: a face's corner has the phase sign * value + shift.
     singular : (m,) faces in which a stripe ends or the direction reverses, so the phase has no meaning.
     broken   : number of faces in which a stripe ends."""
 
@@ -261,8 +258,7 @@ def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
     """Set signs and shifts (m,) of the faces, in the `order` in which a search from a first face reached them.
-    At first, each face has its sign and shift relative to an earlier face. Each step halves the paths to the first
-    face."""
+    At first, each face has its sign and shift relative to an earlier face. Each step halves the paths to the first."""
     child = order[1:]
     if not len(child):
         return
@@ -282,8 +278,7 @@ def _propagate(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with each vertex's value as its first face sees it: signs are 1 and shifts 0, except at
-    seams."""
+    """Return the phase with each vertex's value as its first face sees it: signs 1 and shifts 0, except at seams."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

@@ -97,8 +97,7 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
-    """Return periods of the phase per metre (n,), so that lines after halving have the mean distance `spacing`
-    (metres)."""
+    """Return periods of the phase per metre (n,), so that lines after halving are `spacing` metres apart on average."""
     w = np.exp(np.clip(u, *halved.limits))
     remaining = w / 2**halved.times
     mean = float(surface.vertex_areas @ remaining) / surface.area

@@ -58,8 +58,7 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d and z - d (n, 2), with half widths d (n,): a point is material if a whole number is between
-        both."""
+        """Return z + d and z - d (n, 2), for half widths d (n,): material has a whole number between both."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 

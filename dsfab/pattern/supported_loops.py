@@ -22,8 +22,7 @@ PULL = 100.0
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
-    """Return boundary loops (k,) with a mean radius below the spacing (m) of stripes, and only `supported` (n,)
-    vertices.
+    """Return boundary loops (k,) with a mean radius below the spacing (m), if all their vertices are `supported` (n,).
     Fewer than seven stripes would end on such a loop."""
     loops = [loop for loop in surface.loops if supported[loop].all()]
     return [loop for loop in loops if polygon_perimeter(surface.V[loop]) < 2 * np.pi * spacing]

@@ -56,8 +56,7 @@ class Images:
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
-        """Return the projection onto symmetric phases, whose gradient at V (n, 3) is `density` (n,) per metre along g
-        (n, 3).
+        """Return the projection onto symmetric phases; their gradient at V (n, 3) is `density` (n,) x g (n, 3).
 
         Where g is reversed at an image, the phase is conjugated. An image may lie between vertices. Then the phases of
         these vertices grow on the way to the image, because a plain mean has large errors if a period has few edges."""

@@ -196,7 +196,7 @@ def checked_lines(
 def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
     if isinstance(field, DividedField):
         if (field.divided.whole.n, field.divided.whole.m) != (surface.n, surface.m):
-            raise ValueError(f"field {k} is on the parts of another surface")
+            raise ValueError(f"field {k} divides another surface")
         return field.at_vertices
     x = field.x if isinstance(field, CornerField) else np.asarray(field, dtype=np.float64)
     if x.shape not in ((surface.n,), (surface.n, 2)):

@@ -156,8 +156,7 @@ class Chords:
         """Return the segments of a family in faces with a phase and with half widths (n,) above 0 at all corners.
 
              |                  A whole number k between the values at a face's corners gives a segment between two
-        ---o-+-o---  k          sides, or from a corner to a side. If two corners have the value k, their side is a
-        segment.
+        ---o-+-o---  k          sides, or from a corner to a side. Two corners with the value k give a segment, too.
              |"""
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
         wide = chart.carry(half_width)[chart.surface.F].min(axis=1) > 0

@@ -169,8 +169,7 @@ class _BandOnCells:
     def offsets(self, in_stripe: Bools) -> Floats:
         """Return z - number (m, 3) on the triangles in the mask, NaN elsewhere.
 
-        A zero becomes a tiny number, with one sign in all triangles at its vertex, so that every line crosses
-        triangles."""
+        A zero becomes a tiny number, with one sign in all triangles at its vertex: so every line crosses triangles."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < ZERO
         offset[zero] = 0.0
