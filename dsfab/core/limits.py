@@ -31,8 +31,8 @@ POSSIBLE_SIZE = (1e-9, 1e9)  # Allowed sizes of a surface, metres; products of o
 USUAL_SIZE = (0.01, 1e3)  # Usual sizes of a surface, metres; for other sizes dsfab asks to check the unit.
 CONVERGED = 0.02  # A compliance counts as computed if its relative error bound is below this value.
 FACETS = 0.2
-"""dsfab warns if L^2 / (R h) of a mesh is larger: edge length L, radius of curvature R, thickness h. At this value, flat
-facets of a curved sheet change its compliance by 1 %, and its largest stress by up to 20 %."""
+"""dsfab warns if L^2 / (R h) of a mesh is larger: edge length L, radius of curvature R, thickness h. At 0.2, flat
+facets change the compliance of a curved sheet by 1 %, and its largest stress under pressure or weight by up to 20 %."""
 SLIT = 0.25  # Half width, in periods, at which members are as wide as openings; narrower openings are slits.
 CROWDING = 1.25  # Largest width of crowded members, divided by the median width; both in periods.
 FILM = 0.05  # A part of the sheet counts as a film if it is thinner than this fraction of the thickness.
@@ -41,7 +41,7 @@ OFF_SURFACE = 1 / 20
 """Default limit for the distance between the solid in a file and the solid of the design, divided by the thickness.
 Smoothed and simplified solids keep this limit, and the check of a file with curves applies it."""
 SIMPLIFIED_OFF_SURFACE = 2  # Factor on `OFF_SURFACE` for planar solids that would have too many faces for a file.
-DEFLECTION = 1 / 4  # Largest distance between a file's curved faces and triangles that check them, / `OFF_SURFACE`.
+DEFLECTION = 1 / 4  # Largest distance of a file's curved faces from the triangles of its check, in `OFF_SURFACE`.
 CHANGED_VOLUME = 5e-3  # Largest relative change of a volume when curves or fewer triangles replace its triangles.
 READ_BACK = 1e-3  # Largest relative change of volume, area, lengths and box of a file that is written and read again.
 

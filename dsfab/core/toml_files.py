@@ -29,7 +29,7 @@ class TomlError(ValueError):
 
 
 def toml_table(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text without a byte order mark.
+    """Return the tables of a TOML text; a byte order mark is ignored.
     Raises TomlError for invalid text, for tables nested deeper than 50 levels, and for text that stops Python's reader
     (thousands of brackets, endless numbers). Presets have under 12 levels."""
     try:

@@ -59,7 +59,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     while unvisited.any():
-        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # no rounding errors
+        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # equal areas stay equal
         order, predecessor = breadth_first_order(tree, root, directed=False)
         unvisited[order] = False
         for child in order[1:].tolist():

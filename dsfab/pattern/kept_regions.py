@@ -25,8 +25,8 @@ NEAR = 0.3
 """An outline of a region moves through a vertex that is this near, as a fraction of a mesh edge, by at most `EVEN`.
 Otherwise a line close to a vertex would leave very flat triangles."""
 ASIDE = 0.1
-"""An edge is divided where an outline crosses it, if this is near its middle, as a fraction of the edge.
-A new vertex at the middle would lie too close to the outline."""
+"""An edge is divided where an outline crosses it, if this point is so near to its middle, as a fraction of the edge.
+A new vertex at the middle itself would lie too close to the outline."""
 
 
 def curve_fields(
@@ -99,7 +99,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return a region's field (n,) on undivided faces; from straight distances, if distances on it are equal."""
+    """Return a region's field (n,) on undivided faces; it uses straight distances if these make no difference."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(

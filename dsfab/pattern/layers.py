@@ -181,7 +181,7 @@ class EvenFamily:
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
         """Return half widths d (n,), in periods of the remaining lines.
         Members too close together become thinner, so that a slit stays open; still closer members merge, see
-        `CLOSING_WIDTHS`. With the rule `plain`, both do not happen."""
+        `CLOSING_WIDTHS`. The rule `plain` does neither."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:

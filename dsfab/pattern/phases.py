@@ -16,8 +16,7 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration, times the squared spacing: the matrix is then definite, with the same
-eigenvectors."""
+"""Shift of the inverse iteration, times the squared spacing: it makes the matrix definite, with equal eigenvectors."""
 FLOW = 0.25  # A step of diffusion has the duration 1 / tau, with tau = `FLOW` (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
 """A locked phase this near to its target, in periods, becomes the target, so that edges get straight members."""
@@ -98,7 +97,7 @@ class Flow:
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
     """Return the result (n,) of 20 inverse iterations with B from start (n,), with an error of 1e-5 after 12 solves.
-    More iterations are useless, because several lowest eigenvectors are almost equal. B conjugates some numbers, and
+    More iterations are useless, because several eigenvectors are almost equally good. B conjugates some numbers, and
     so is linear only for their real and imaginary parts."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12

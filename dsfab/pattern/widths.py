@@ -99,8 +99,7 @@ def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
     The mean gradient itself is zero on ridges of z, and would open a slit along the middle of a member. The mean of
     |grad z| over a disc of radius R is about R z'' / 2 on a ridge, so members keep a width there. The disc has
-    `radius` (m), half the width of a member. It contains at least two rings of faces, because otherwise members are
-    ragged."""
+    `radius` (m), half the width of a member. With under two rings of faces, members would be ragged."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 

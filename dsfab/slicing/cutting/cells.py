@@ -62,7 +62,7 @@ class Cells:
         return result
 
     def per_polygon(self, ufunc: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
-        """Combine the values (h,) at the slots of each polygon by `ufunc`; return (c,)."""
+        """Apply `ufunc`, such as a sum, to the values (h,) at the corners of each polygon; return (c,)."""
         if len(values) == 3 * len(self.sizes):  # all polygons are triangles
             a, b, c = values.reshape(-1, 3).T
             return np.asarray(ufunc(ufunc(a, b), c))
@@ -97,7 +97,7 @@ class Cells:
         return Cells(self.start, self.corner, sides_on)
 
     def triangle_sides(self, F: Ints, polygon: Ints) -> Ints:
-        """Return `sides_on` (m, 3) of triangles F (m, 3) that fill the polygons; `polygon` (m,) contains each."""
+        """Return `sides_on` (m, 3) of triangles F (m, 3) that fill the polygons; polygon : (m,) of each triangle."""
         slot = np.flatnonzero(self.sides_on)
         n, owner, end = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
         key = owner * n + self.corner[slot]
@@ -218,7 +218,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
     upto = np.concatenate([np.zeros((len(fan), 1)), np.cumsum(fan, axis=1)], axis=1)
     i, j = np.triu_indices(size, 2)
-    i, j = i[j - i < size - 1], j[j - i < size - 1]  # these are neighbours
+    i, j = i[j - i < size - 1], j[j - i < size - 1]  # neighbours have no chord
     corner = np.linalg.norm(np.cross(spoke[:, i], spoke[:, j]), axis=2)
     ear = upto[:, j] - upto[:, i] - corner  # twice the area between corners i, i + 1, ..., j
     choice = np.minimum(ear, upto[:, -1:] - ear).argmax(axis=1)
@@ -232,8 +232,8 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 
 SNAP_FLOOR = 1e-9
-"""Smallest snap fraction; values so near a level move onto it even at snap = 0."""
-TIP = 1e-3  # Largest snap fraction where one edge of a stripe moves alone, so that both edges meet at a tip.
+"""Smallest snap fraction; it applies even at snap = 0."""
+TIP = 1e-3  # Largest snap fraction for one edge of a stripe alone; so both edges meet at the stripe's tip.
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
@@ -247,9 +247,9 @@ def nearest_levels(x: Floats, levels: Floats) -> Floats:
 def snap_values(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
-    """Move values x (n,) to levels (k,) nearer than `fraction` of the largest range over the edges at the vertex.
+    """Move values x (n,) onto levels (k,) nearby: within `fraction` of the largest change of x on the vertex's edges.
 
-    sides : both vertices of each edge.    difference : range of x over each edge.    free : (n,) values that may move.
+    sides : both vertices of each edge.    difference : change of x over each edge.    free : (n,) values that may move.
     """
     level = nearest_levels(x, levels)
     gap = np.abs(x - level)
@@ -264,8 +264,8 @@ def snap_values(
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
     """Move each pair of values x (n, 2) so that the value nearer to a level (k,) lies on it; return the pairs.
 
-    reach : (n, 2) largest range of each value over the edges at a vertex. A pair moves if a level is nearer than
-            `fraction` of this range.
+    reach : (n, 2) largest change of each value over the edges at a vertex. A pair moves if a level is nearer than
+            `fraction` of this change.
     Both values move by the same step, so a stripe keeps its width. But no value moves across a level."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
@@ -296,7 +296,7 @@ def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools,
 
 
 def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
-    """(n,) largest difference over the sides at each vertex."""
+    """Return for each of n vertices the largest `difference` of the sides that end there; 0 without sides."""
     reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)

@@ -71,7 +71,7 @@ class PolygonField:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def value_index(self, side: int) -> Ints:
-        """Return the index (h,) into values.ravel() at each slot, of the upper (side 0) or lower (side 1) field."""
+        """Return for each slot the index (h,) into values.ravel() of the upper (side 0) or lower (side 1) field."""
         return self._lower if side else self._upper
 
     @cached_property
@@ -255,7 +255,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices at levels to edges across which the field changes its sign, as their first polygon sees it."""
+        """Add vertices at levels to edges across which the field changes its sign; the first polygon decides where."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():
@@ -270,7 +270,7 @@ class StripeCut:
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
         """Cut the active polygons along levels of the upper (0) or lower (1) field; return also strips (c',).
 
-        Strip j has j levels below it. `above` puts a polygon that lies on a level into the strip above."""
+        Strip j has j levels below it. above : True puts a polygon that lies on a level into the strip above."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh

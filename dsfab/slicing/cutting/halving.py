@@ -114,8 +114,8 @@ def _with_lines(
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
     """Return a mask (p,) of inner edges on remaining lines, whose numbers are multiples of a polygon's `period` (c,).
 
-    An edge between two polygons lies on a line if both are in different strips for the smaller period. Strips are
-    compared by their middles, which sign and shift do not round. All sides of blank faces are walls."""
+    An edge lies on a line if its polygons are in different strips for the smaller of both periods. Strips are compared
+    by their middles, because sign and shift do not round these. All sides of blank faces are walls."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
     y = seen.slot_values(0)

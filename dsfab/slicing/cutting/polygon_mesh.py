@@ -152,7 +152,7 @@ def corner_places(F: Ints, vertex: Ints) -> Ints:
 
 
 def weights_after_split(weights: csr_array, split: Split) -> csr_array:
-    """Append the weights (k, n) of a split's new vertices; a row has at most three entries, all of the same face."""
+    """Append the weights (k, n) of a split's new vertices; a row has at most three entries, at corners of one face."""
     new_weights = split.new_weights(weights.shape[0]) @ weights
     data, indices = (
         np.concatenate([getattr(part, name) for part in (weights, new_weights)]) for name in ("data", "indices")
@@ -238,9 +238,9 @@ class Contacts:
         return part[is_single], neighbour[is_single]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
-        """Return a mask (p,) of parts that lose all connections if parts `gone` (p,) are removed, not only `before`.
+        """Return a mask (p,) of parts that lose all connections when more parts are removed.
 
-        Connections are to an edge of the surface, an anchor or a part in `stays` (p,), which are never removed."""
+        Connections are to an edge of the surface, an anchor or a part in `stays` (p,). before, gone : (p,) removed."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 VOID = -1  # The family of a void cell.
 
 ON_SIMPLEX = 1 - 1e-9
-"""Smallest value, interpolated from a mask, that counts as between marked vertices: 1, up to rounding errors."""
+"""Between marked vertices, an interpolated mask has at least this value: 1, up to rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)

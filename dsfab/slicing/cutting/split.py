@@ -80,7 +80,7 @@ class SideValues:
         which = np.flatnonzero(foreign)
         touched = np.zeros(int(a.max()) + 1, dtype=bool)
         touched[a[which]] = touched[b[which]] = True
-        candidates = np.flatnonzero(touched[a] & touched[b])  # only these can share an edge
+        candidates = np.flatnonzero(touched[a] & touched[b])  # other sides share no edge with `which`
         p, q = a[candidates], b[candidates]
         order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
         first_slot = np.minimum.reduceat(np.where(foreign[candidates], len(a), candidates)[order], begins)[edge]
@@ -264,7 +264,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # these take the polygon's last strip
+    before = source < cells.start[:-1][cells.owner]  # flat first sides take the last strip
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 

@@ -163,7 +163,7 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 class Stretches:
     """Parts (p,) of chains. A part that contains the start of a closed chain has two entries.
 
-    low, high : (q,) begin and end of each entry, metres, with all chains laid end to end.    part : (q,) its part.
+    low, high : (q,) start and end of each entry, metres, with all chains laid end to end.    part : (q,) of each entry.
     before    : (c,) distance of each chain's start, metres."""
 
     low: Floats

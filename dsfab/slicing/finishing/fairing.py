@@ -98,7 +98,7 @@ def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
         (changes, wall_vertices, 3, REACH * segment),
         (bends, wall_vertices[:, :3], 2, BEND * segment),
     ):
-        q, least = points[used], 0.02 * segment[used]  # smaller distances count as this
+        q, least = points[used], 0.02 * segment[used]  # replaces smaller distances
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
@@ -191,7 +191,7 @@ def divided_walls(sheet: Sheet) -> Sheet:
 
 
 def _bows(walls: Walls) -> Floats:
-    """Return metres (w,) from each wall's middle to its curve, right positive; 0 if bent by under 3 degrees."""
+    """Return metres (w,) from each wall's middle to its curve, positive to the right; 0 under 3 degrees of bend."""
     if not len(walls.start):
         return np.empty(0)
     turn, all_walls = walls.turns, np.arange(len(walls.start))

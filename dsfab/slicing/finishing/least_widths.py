@@ -79,7 +79,7 @@ def _narrowest(part: Surface, across: Crossings, least: float, apart: float, wid
     return ends[chosen]
 
 
-REACH = 0.25  # A bridge is longer than its neck by this fraction of its width at each end: walls may be oblique.
+REACH = 0.25  # Length of a bridge beyond each end of its neck, in widths of the bridge: walls may be oblique.
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,7 @@ def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bo
         number, share = flat.nearest_walls(part.narrowest())
         wall = flat.wall[number]
         ends = walls.points(wall, share)
-        if np.linalg.norm(ends[1] - ends[0]) < width:  # others are narrow in projection only
+        if np.linalg.norm(ends[1] - ends[0]) < width:  # wider ones are narrow in projection only
             necks.append(Neck(ends, (int(wall[0]), int(wall[1]))))
     return necks, lost
 
@@ -172,7 +172,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     half = np.array([1.04 * least / 2, least / 2])
     wall, ends = cells.walls.nearest(narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # else the member ends there
+    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # a shorter way leads around a member's end
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
         strips += _strips_at(cells, sides, place, half)
@@ -181,7 +181,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
 
 
 def _way_around(walls: Walls, wall: Ints) -> Floats:
-    """Return the distance (k,) between two walls (k, 2) along their opening, metres; infinite for two openings."""
+    """Return the distance (k,) between two walls (k, 2) along their opening, metres; else infinity."""
     chain, place = walls.chain[wall], walls.place[wall]
     direct = np.abs(place[:, 1] - place[:, 0])
     around = np.where(walls.closed[chain[:, 0]], np.minimum(direct, walls.total[chain[:, 0]] - direct), direct)
@@ -256,7 +256,7 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
         places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
         cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
-        if not len(places) or idle == 2:  # no bridge, narrowest or widest first
+        if not len(places) or idle == 2:  # no bridge in either order
             break
     return cells, total
 

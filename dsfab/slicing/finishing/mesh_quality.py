@@ -161,7 +161,7 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto neighbours w (k,), and of edges of stripes by distances (k,), metres."""
+    """Moves of vertices v (k,) onto neighbours w (k,); strayed : (k,) as in `CellMesh`, after each move."""
 
     v: Ints
     w: Ints
@@ -258,7 +258,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """Select moves that increase the smallest angle of material, and keep the void's; return gains, degrees."""
+    """Select moves that increase the smallest angle of material without reducing void's; return gains, degrees."""
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]

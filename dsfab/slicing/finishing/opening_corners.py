@@ -184,7 +184,7 @@ class Corners:
 
     @cached_property
     def wall_lengths(self) -> tuple[Floats, Floats]:
-        """(k,) wall before, and (k,) wall behind each corner, to the next corner or to the end of the chain, metres."""
+        """Length (k,) of wall before, and (k,) behind each corner, to the next corner or to the chain's end, metres."""
         walls, follow, before = self.walls, self.next_corner, self.previous_corner
         chain = walls.chain[self.first]
         total, place = walls.total[chain], self.place
@@ -202,7 +202,7 @@ class Corners:
 
     @cached_property
     def rooms(self) -> tuple[Floats, Floats]:
-        """(k,) wall before, and (k,) wall behind each corner that its arc may take, metres.
+        """Length (k,) of wall before, and (k,) behind each corner that its arc may take, metres.
 
         The two corners at a wall divide it in the ratio of their `tangents`."""
         t, (ahead, behind) = self.tangents, self.wall_lengths

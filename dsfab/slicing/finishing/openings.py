@@ -150,7 +150,7 @@ def openings_of(sheet: Sheet) -> Openings | None:
 
 
 def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
-    """Return a sheet with the marked openings (o,) as material; their family is the largest number beside them."""
+    """Return a sheet with the marked openings (o,) as material; each takes the largest family number beside it."""
     openings = openings_of(sheet)
     if openings is None or not chosen.any():
         return sheet
@@ -178,8 +178,8 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
     alike : if True, all or none of the openings with sizes nearly equal to `size` become material.
 
-    The size of an opening is its median width along the walls, but 2 to 4 area / perimeter. These limits are for
-    triangles with a long tip, which have opposite walls in the tip only."""
+    The size of an opening is its median width along the walls, but at least 2 and at most 4 area / perimeter.
+    Otherwise triangles with a long tip, which have opposite walls in the tip only, would count as too small."""
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0

@@ -139,7 +139,7 @@ class StripeChart:
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """Return a mask (m,) of faces on which phase k varies by more than 1e-9 periods per size of the surface."""
+        """Return a mask (m,) of faces on which phase k is not constant: over 1e-9 periods along the surface's size."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property

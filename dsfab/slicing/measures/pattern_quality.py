@@ -141,7 +141,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
     confidence : (m,) clarity of the direction, 0 to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > 0.25  # they differ by over 10 % of their RMS
+    clear = confidence[middles.face] > 0.25  # stresses differ by over 10 % of their RMS
     turns_back = _turning_nodes(middles, along[middles.face], clear)
     deviates = clear & (deviation[middles.face] > OFF)
     count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])

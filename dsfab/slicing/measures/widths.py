@@ -197,7 +197,7 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
     ends = start.edge, next_half_edge(start.edge), finish.edge, next_half_edge(finish.edge)
     corner = np.stack([surface.F.ravel()[h] for h in ends])
-    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # the width goes to 0
+    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # with a common corner
     return np.asarray(neighbours | ((angle >= TAPER) & (wall_length >= 0.4 * wedge) & (wall_length <= 1.7 * wedge)))
 
 
@@ -224,7 +224,7 @@ def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
     """Return the loop (e,) of edges with ends (e, 2), the edges in order along the loops, and the number of loops."""
     slot = sorted_order(ends.ravel())  # by vertex; 2 i + s is end s of edge i
     onward = np.empty_like(slot)
-    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the next edge's other end
+    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the other end of the next edge
     after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
     label, chain, loops = [-1] * len(ends), list[int](), 0
     for start, state in enumerate(leaving):
@@ -274,7 +274,7 @@ class Features:
     weight: Floats
 
     def quantiles(self, shares: Sequence[float]) -> Floats:
-        """Return the widths (q,), metres, that members do not exceed on `shares` of the wall length; else empty."""
+        """Return the widths (q,), metres, that members do not exceed on fractions `shares` of the wall length."""
         return weighted_quantiles(self.widths, self.weight, shares) if self.weight.sum() else np.empty(0)
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
