@@ -57,7 +57,7 @@ class Symmetry:
         return len(self.R)
 
     def mean(self, x: Floats) -> Floats:
-        """Return the mean (n, ...) of a field at all images of each point: a symmetric field, but for interpolation."""
+        """Return the mean (n, ...) of a field at all images of each point; symmetric up to interpolation."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / self.order)
 
     def maximum(self, x: Floats) -> Floats:

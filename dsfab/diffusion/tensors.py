@@ -112,8 +112,7 @@ def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Seque
     Tension and compression in a direction count alike. So cases of opposite sign (wind from two sides) add up, and do
     not cancel. Cases are not normalised: a larger load counts more unless weights differ. Both principal values are 0
     or more, so `signed` and `magnitude` give the same order. In pure shear, tension and compression are equal. Then
-    |sigma| has no preferred direction, and faces around change their label. So use the stress itself for a single case.
-    """
+    |sigma| has no preferred direction, and faces around change their label. So use the stress itself for one case."""
     total = np.zeros((surface.m, 3, 3))
     for sigma, weight in zip(stresses, weights, strict=True):
         stress, direction = principal_stresses(surface, sigma)

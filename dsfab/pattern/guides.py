@@ -172,7 +172,7 @@ class GuideLine:
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
         """Return the vertices (v,) of faces that the curve crosses, and target phases (v,) there, in periods.
-        Phases are -1/2 to 1/2. g : (n, 3) unit direction of their gradient, up to sign. density : (n,) periods / metre.
+        Phases are -1/2 to 1/2. g : (n, 3) unit direction of their gradient, up to sign. density : (n,) periods per m.
         """
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])

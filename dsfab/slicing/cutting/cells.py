@@ -249,8 +249,7 @@ def snap_values(
 ) -> Floats:
     """Move values x (n,) onto levels (k,) nearby: within `fraction` of the largest change of x on the vertex's edges.
 
-    sides : both vertices of each edge.    difference : change of x over each edge.    free : (n,) values that may move.
-    """
+    sides : both vertices of each edge.    difference : change of x over each edge.    free : (n,) mask of movable x."""
     level = nearest_levels(x, levels)
     gap = np.abs(x - level)
     may_snap = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
@@ -264,8 +263,7 @@ def snap_values(
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
     """Move each pair of values x (n, 2) so that the value nearer to a level (k,) lies on it; return the pairs.
 
-    reach : (n, 2) largest change of each value over the edges at a vertex. A pair moves if a level is nearer than
-            `fraction` of this change.
+    reach : (n, 2) largest change of each value over the edges at a vertex. Pairs move by up to `fraction` of it.
     Both values move by the same step, so a stripe keeps its width. But no value moves across a level."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)

@@ -31,7 +31,7 @@ LEVEL_GAP = 1e-6  # Levels count as equal if they differ by less than this fract
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
 """Marks material (c,) that later fields shall divide, too. Arguments: the polygons, the number of the last field, and
-a mask (m,) of faces beside this field's blank faces."""
+a mask (m,) of the blank faces of this field and of the faces beside them."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:

@@ -142,7 +142,7 @@ class Fillets:
     normal, distance : (k, c, 3), (k, c) outward normals of the chords' planes, and metres from the origin.
     ray, ray_distance : (k, 2, 3), (k, 2) the same for the rays. An unused plane has a normal of 0.
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
-    pair : (p, 2) number of an arc, and a void cell beyond its chords that is connected to the corner.
+    pair : (p, 2) number of an arc, and a void cell partly beyond its chords that is connected to the corner.
 
     An arc fills the region beyond a chord and between both rays. Rays run from the arc's centre through its ends, the
     feet. Some walls bend so sharply at a foot that other void also lies beyond the chord. Only their arcs need rays."""
@@ -262,8 +262,7 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
     """Return a mask (k,) of arcs that fill nothing farther from their corner than their feet are.
 
-    Distances are in the corner's plane. At a fold the void may come back beyond a chord, and an arc would fill it, too.
-    """
+    Distances are in the corner's plane. At a fold the void may come back beyond a chord; an arc would fill it, too."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 

@@ -118,8 +118,7 @@ def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
-    """Return start and end (k, 2, 3), metres, of a bar's contacts, counter-clockwise; none at an edge of the
-    surface."""
+    """Return start and end (k, 2, 3), metres, of a bar's contacts, counter-clockwise; none at a surface edge."""
     cells, in_bar, beyond = mesh.cells, bar[mesh.cells.owner], mesh.polygon_across
     contact_slots = np.flatnonzero(in_bar & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (in_bar & (beyond < 0)).any() or not len(contact_slots):

@@ -34,7 +34,7 @@ TURN = float(np.radians(110))
 
 
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove nodes, and the stubs that lead to them, if one opening of good size remains; return also their number.
+    """Remove nodes, and the stubs that lead to them, if one opening of good size remains; return the number of places.
 
     Parts stay connected and no new end appears, because the members at a removed bar continue on both of its sides."""
     nodes, count = nodes_of(mesh), 0

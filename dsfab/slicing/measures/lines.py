@@ -236,8 +236,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
     """Return the nodes (p, 2) of the parts of segments, and the points of all nodes, metres.
 
-    At most two parts share a node. An end that was cut off gets a node of its own, and so does each end where more
-    than two segments meet."""
+    At most two parts share a node: each end that was cut off, or where over two segments meet, has its own node."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
