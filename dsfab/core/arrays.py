@@ -1,4 +1,4 @@
-"""Array types, read-only copies for frozen values, and lengths, areas and angles of many vectors at once."""
+"""Array types, read-only copies for frozen values, and operations on many vectors, groups or keys at once."""
 
 from collections.abc import Sequence
 from functools import reduce
@@ -15,7 +15,7 @@ Bools = NDArray[np.bool_]
 
 def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Return a read-only copy (...) of `values` with type `dtype`; `None` in `shape` stands for any length.
-    Raises ValueError for another shape, because a wrong shape is a programmer's mistake, not a user's."""
+    Raises ValueError for another shape: the mistake is the programmer's, not the user's."""
     array = np.array(values, dtype=dtype, order="C")
     fits = array.ndim == len(shape) and all(s is None or s == a for s, a in zip(shape, array.shape, strict=False))
     if not fits:
@@ -25,12 +25,12 @@ def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...])
 
 
 def lock(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) -> None:
-    """Replace field `name` of the frozen dataclass `owner` by its read-only copy (call this in `__post_init__`)."""
+    """Replace the field `name` of the frozen dataclass `owner` by a read-only copy; called in its `__post_init__`."""
     object.__setattr__(owner, name, read_only_copy(getattr(owner, name), dtype, shape))
 
 
 def lock_floats(owner: object, **shapes: tuple[int | None, ...]) -> None:
-    """Replace the named fields of a frozen dataclass by read-only copies, floats of the given shapes (see `lock`)."""
+    """Replace the named fields of a frozen dataclass by read-only copies: floats of the given shapes (see `lock`)."""
     for name, shape in shapes.items():
         lock(owner, name, np.float64, shape)
 
@@ -42,7 +42,7 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 
 def plane_cross(a: Floats, b: Floats) -> Floats:
-    """Return the cross products (...) of plane vectors a and b (..., 2): signed areas of their parallelograms."""
+    """Return the cross products (...) of vectors a and b (..., 2) in a plane: signed areas of their parallelograms."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
@@ -69,13 +69,13 @@ def row_min(rows: NDArray[Any]) -> NDArray[Any]:
 
 
 def group_sums(group: Ints, values: Floats, count: int = 0) -> Floats:
-    """Return the sums (g, d) of the rows of values (k, d) in each group (k,); g is at least `count`."""
+    """Return the sums (g, d) of the rows of `values` (k, d) with equal `group` (k,); g is at least `count`."""
     return np.stack([np.bincount(group, column, count) for column in values.T], axis=1).astype(np.float64)
 
 
 def weighted_quantiles(values: Floats, weight: Floats, shares: Sequence[float]) -> Floats:
-    """Return the quantiles (q,) of values (k,) with weights (k,), at shares (q,) of the total weight. Each quantile is
-    an element of `values`. Rounding errors of the summed weights do not change the result."""
+    """Return the quantiles (q,) of values (k,) with weights (k,), at fractions `shares` (q,) of the total weight.
+    Each quantile is one of the values. Rounding errors of the summed weights do not change the result."""
     order = np.argsort(values, kind="stable")
     upto = np.cumsum(weight[order])
     positions = np.searchsorted(upto, np.asarray(shares) * upto[-1] * (1 - 1e-12))
@@ -83,7 +83,7 @@ def weighted_quantiles(values: Floats, weight: Floats, shares: Sequence[float]) 
 
 
 def weighted_quantile(values: Floats, weight: Floats, share: float) -> float:
-    """Return the quantile of values (k,) with weights (k,) at one share of the total weight."""
+    """Return the quantile of values (k,) with weights (k,), at the fraction `share` of the total weight."""
     return float(weighted_quantiles(values, weight, (share,))[0])
 
 
@@ -104,7 +104,7 @@ def area_vectors(V: Floats, F: Ints) -> Floats:
 
 
 def concatenated_mesh(parts: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
-    """Return the vertices (n, 3) and faces (m, 3) of several meshes as one mesh; vertices stay apart."""
+    """Return several meshes as one mesh, vertices (n, 3) and faces (m, 3); equal vertices are not joined."""
     starts = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1].tolist()
     V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
     faces = [F + start for (_, F), start in zip(parts, starts, strict=True)]
@@ -117,7 +117,7 @@ def unit_vectors(x: Floats) -> Floats:
 
 
 def face_angles(V: Floats, F: Ints) -> Floats:
-    """Return the angles (m, 3) of faces F (m, 3) on vertices V (n, 3) at their corners, radians."""
+    """Return the angles (m, 3) at the corners of faces F (m, 3) on vertices V (n, 3), radians."""
     P = V[F]
     u, v = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
     return np.asarray(np.arctan2(lengths(np.cross(u, v)), np.einsum("mci,mci->mc", u, v)))
@@ -129,15 +129,15 @@ def distances_from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
 
 
 def positions_on_segments(points: Floats, a: Floats, b: Floats) -> Floats:
-    """Project points (..., 3) on segments from a to b (..., 3); return the positions (...), 0 at a and 1 at b."""
+    """Project points (..., 3) on segments from a to b (..., 3); return positions (...), 0 at a and 1 at b."""
     along, to = b - a, points - a
     squared = np.maximum(np.einsum("...i,...i->...", along, along), np.finfo(float).tiny)
     return np.asarray(np.clip(np.einsum("...i,...i->...", to, along) / squared, 0, 1))
 
 
 def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
-    """Rotate vectors x (k, 3) by the shortest rotation from unit normals `normal` to `onto` (k, 3) [Rodrigues 1840].
-    Between two faces this rotation turns about their edge: tangents continue straight across the edge."""
+    """Rotate vectors x (k, 3) by the smallest rotation from unit normals `normal` to `onto` (k, 3) [Rodrigues 1840].
+    Between two faces, the axis of this rotation is their edge: tangents continue straight across the edge."""
     across = np.cross(normal, onto)
     cosine = np.einsum("ki,ki->k", normal, onto)[:, None]
     along = np.einsum("ki,ki->k", across, x)[:, None]
@@ -145,14 +145,14 @@ def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
 
 
 def sorted_order(keys: Ints) -> Ints:
-    """Return the order that sorts integers (k,), a stable argsort.
+    """Return the order that sorts integers (k,); equal integers keep their order.
     If a key and its index fit into one number, the function sorts these numbers. That is ten times faster than numpy's
-    argsort and a hundred times faster than `unique` (numpy 2.4, two million keys)."""
+    argsort, and a hundred times faster than `unique` (numpy 2.4, two million keys)."""
     return _stable_sort(keys)[0]
 
 
 def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return `sorted_order` of integers (k,), the starts of groups of equal keys in it, and each key's group (k,)."""
+    """Return `sorted_order` of integers (k,), the first positions in it of equal keys, and each key's group (k,)."""
     order, ascending = _stable_sort(keys)
     is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     group = np.empty(len(keys), dtype=np.int64)
@@ -167,7 +167,7 @@ def distinct(keys: NDArray[np.integer[Any]]) -> Ints:
 
 
 def complement(indices: Ints, count: int) -> Ints:
-    """Return the integers from 0 to count - 1 that `indices` (k distinct integers) lacks, ascending, (count - k,)."""
+    """Return the integers (count - k,) from 0 to count - 1 that are not in `indices` (k,), ascending."""
     is_absent = np.ones(count, dtype=bool)
     is_absent[indices] = False
     return np.flatnonzero(is_absent)
@@ -192,13 +192,13 @@ def first_few(indices: Ints, count: int = 5) -> str:
 
 
 ALIKE = 0.05
-"""Relative difference below which widths of openings or of bars count as equal, because the mesh alone may cause it."""
+"""Widths of openings or bars count as equal below this relative difference, because the mesh may cause it."""
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
-    """Return a value near `threshold` that splits values (k,) into small and large. The result is the threshold
-    itself, or the middle of the widest gap within `tolerance` of the threshold. Nearly equal values are on the same
-    side, for example the widths of openings between two rings of a dome."""
+    """Return a value near `threshold` that divides values (k,) into small and large ones.
+    It is the threshold itself, or the middle of the widest gap between values within `tolerance` of the threshold. So
+    nearly equal values are on the same side, for example the widths of openings between two rings of a dome."""
     close_values = values[np.abs(values - threshold) < tolerance]
     if not len(close_values):
         return threshold

@@ -1,4 +1,4 @@
-"""Results that follow from one frozen value alone; the value itself stores them.
+"""Results that follow from a single frozen value, which stores them.
 
 Inside the class of the value, use `cached_property`; elsewhere, such as in statics for a `Surface`, use `derived`."""
 
@@ -11,7 +11,7 @@ R = TypeVar("R")
 
 
 class DerivedResults(dict[Any, Any]):
-    """Results by key. A pickled value omits them, because another process can compute them again."""
+    """Results by key. A pickled value leaves them out, because another process can compute them again."""
 
     def __reduce__(self) -> tuple[type["DerivedResults"], tuple[()]]:
         return DerivedResults, ()
@@ -24,7 +24,7 @@ def derived_results(value: object) -> DerivedResults:
 
 
 def derived(function: Callable[[V], R]) -> Callable[[V], R]:
-    """Decorate a function of one frozen value: the value stores the result, so that it is computed once."""
+    """Decorate a function of one frozen value: the value stores the result, which is then computed only once."""
 
     @wraps(function)
     def held(value: V) -> R:

@@ -1,10 +1,10 @@
 """Materials by name: stiffness, density, design strength and thermal expansion, each with its source.
 
-The design strength is the stress that a standard allows: the characteristic strength over the partial factor of the
-material, for timber also times k_mod = 0.8 (medium load duration, indoors or under a roof). dsfab compares it with
-the von Mises stress of an isotropic sheet. This is right for metals. Timber, plywood and GFRP are strong along their
-fibres only, and concrete in compression only; their comparison is a first estimate, and `says` names the strength.
-`STOCK` has the thicknesses in which a material is sold or made."""
+The design strength is the stress that a standard allows: the characteristic strength divided by the partial factor of
+the material. For timber it is also multiplied by k_mod = 0.8 (medium load duration, indoors or under a roof). dsfab
+compares it with the von Mises stress of an isotropic sheet. This is right for metals. Timber, plywood and GFRP are
+strong along their fibres only, and concrete in compression only. For these the comparison is a first estimate, and
+`says` names the strength. `STOCK` has the thicknesses in which a material is sold or made."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,9 +15,9 @@ from dsfab.core.errors import PresetError, did_you_mean
 @dataclass(frozen=True)
 class NamedMaterial:
     """A material that a preset may name.
-    young : Pa, the mean value.      poisson : of an isotropic sheet.      density : kg/m3, the mean value.
-    strength : Pa, the design strength.      says : the kind of the strength and its derivation.
-    expansion : thermal expansion, 1/K; no stage uses it yet.      source : reference for all values."""
+    young : mean Young's modulus, Pa.    poisson : ratio of an isotropic sheet.    density : mean, kg/m3.
+    strength : design strength, Pa.    says : the kind of the strength, and its derivation.
+    expansion : thermal expansion, 1/K; no stage uses it yet.    source : reference for all values."""
 
     name: str
     young: float
@@ -45,7 +45,7 @@ def _steel(name: str, strength: int, source: str = "") -> NamedMaterial:
 
 
 def _timber(name: str, young: float, density: float, strength: float, says: str, source: str) -> NamedMaterial:
-    """Return a timber along its grain."""
+    """Return a timber; values along its grain."""
     source += "; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed"
     return NamedMaterial(name, young, 0.3, density, strength, 5e-6, f"tension along the grain {says}", source)
 
@@ -134,7 +134,7 @@ STOCK = {
     for names, sizes, source in _STOCK
     for name in names.split(", ")
 }
-"""Stock of materials by name."""
+"""Stock of each material, by its name."""
 
 NO_STRENGTH = (
     "statics gives neither a material nor a strength, so dsfab cannot check the members; set statics.material = "
@@ -144,12 +144,13 @@ NO_STRENGTH = (
 
 
 def material_named(name: str) -> NamedMaterial:
-    """Return the material of that name, ignoring case; raises PresetError with the nearest name for an unknown one."""
+    """Return the material of that name; capitals do not matter.
+    Raises PresetError for an unknown name, and suggests the nearest name."""
     key = " ".join(name.split()).lower()
     by_lower_name = {label.lower(): material for label, material in MATERIALS.items()}
     if key in by_lower_name:
         return by_lower_name[key]
-    # the search ignores capitals, but the hint must show the name with its capitals
+    # the search ignores capitals, but the hint shows them
     hint = did_you_mean(key, by_lower_name)
     for small, material in by_lower_name.items():
         hint = hint.replace(f" {small}?", f" {material.name}?")

@@ -1,10 +1,10 @@
-"""Numbers with units, lists and tables as text for messages and reports."""
+"""Numbers with units, lists and tables, as text for messages and reports."""
 
 from collections.abc import Iterable, Sequence
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table in plain text; the first column is flush left, all further columns are flush right."""
+    """Return a table in plain text; the first column is aligned to the left, all others to the right."""
     lines = [list(head), *(list(row) for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
     return "\n".join(
@@ -16,7 +16,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def names_and_count(names: Sequence[str], shown: int = 5) -> str:
-    """Return the first names and the number of the rest: 'A01, A02, A03, A04, A05 and 7 more'."""
+    """Return the first names, and the number of the others: 'A01, A02, A03, A04, A05 and 7 more'."""
     return ", ".join(names[:shown]) + (f" and {len(names) - shown} more" if len(names) > shown else "")
 
 
@@ -33,12 +33,12 @@ def stopping_clause(count: int) -> str:
 
 
 def coordinates(point: Sequence[float]) -> str:
-    """Return the coordinates of a point with spaces between thousands: '(452 341, 5 567 120, 0)'."""
+    """Return the coordinates of a point, with spaces between thousands: '(452 341, 5 567 120, 0)'."""
     return f"({', '.join(f'{x:,.10g}'.replace(',', ' ') for x in point)})"
 
 
 def point_words(point: Iterable[float]) -> str:
-    """Return a point (metres) with three digits: '(1.5, 0, 0.333) m'."""
+    """Return a point (metres) with three significant digits: '(1.5, 0, 0.333) m'."""
     return f"({', '.join(f'{x + 0.0:.3g}' for x in point)}) m"
 
 
@@ -71,7 +71,7 @@ def length(metres: float) -> str:
 
 
 MEANINGFUL_FACTOR = 1000.0
-"""Largest factor on a load that is printed; with larger factors the compression is only rounding or a side effect."""
+"""Largest factor on a load that reports show; at larger factors, the compression is only rounding or a side effect."""
 
 
 def load_factor(factor: float) -> str:
@@ -109,7 +109,7 @@ def direction_phrase(direction: Sequence[float]) -> str:
     norm = sum(x * x for x in direction) ** 0.5
     unit = [x / norm for x in direction]
     largest = max(range(3), key=lambda k: abs(unit[k]))
-    if abs(unit[largest]) < 0.99985:  # cosine of one degree: the direction is not along an axis
+    if abs(unit[largest]) < 0.99985:  # over one degree from every axis
         return f"({', '.join(f'{round(x, 2) + 0.0:.2g}' for x in unit)})"
     up = unit[largest] > 0
     return ("up" if up else "down") if largest == 2 else f"{'+' if up else '-'}{'xyz'[largest]}"

@@ -1,4 +1,4 @@
-"""TOML files as tables, and the list of the presets that come with dsfab.
+"""TOML files as tables, and the presets that come with dsfab.
 
 This module imports neither numpy nor pydantic, so `dsfab presets` takes a tenth of the time of checking one preset."""
 
@@ -9,8 +9,8 @@ from typing import Any
 from dsfab.core.errors import PresetError
 
 PRESETS = tuple(folder / "presets" / kind for folder in Path(__file__).resolve().parents[1:3] for kind in ("", "paper"))
-"""Folders of the shipped presets: in a wheel inside the package, in a checkout at the top level. The presets of the
-paper's figures have their own folder; dsfab finds a preset by name in both folders."""
+"""Folders of the presets that come with dsfab: inside the package in a wheel, at the top level in a checkout.
+The presets of the paper's figures have their own folder; dsfab finds a preset by name in both folders."""
 
 
 def shipped_presets() -> dict[str, Path]:
@@ -29,7 +29,7 @@ class TomlError(ValueError):
 
 
 def toml_table(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text; the function ignores a byte order mark.
+    """Return the tables of a TOML text; a byte order mark is ignored.
     Raises TomlError for invalid text, for tables nested deeper than 50 levels, and for text that stops Python's reader
     (thousands of brackets, endless numbers). Presets have under 12 levels."""
     try:
@@ -46,7 +46,7 @@ def toml_table(text: str) -> dict[str, Any]:
 
 
 def _depth_is_over(values: dict[str, Any], limit: int) -> bool:
-    level: list[Any] = [values]  # a recursion would fail, because dotted keys have no limit of depth
+    level: list[Any] = [values]  # no recursion: dotted keys may be very deep
     for _ in range(limit):
         inside = [value for item in level for value in (item.values() if isinstance(item, dict) else item)]
         level = [value for value in inside if isinstance(value, dict | list)]
@@ -54,7 +54,7 @@ def _depth_is_over(values: dict[str, Any], limit: int) -> bool:
 
 
 def read_toml(path: Path, kind: str = "preset") -> dict[str, Any]:
-    """Return the unchecked tables of a TOML file; raises PresetError, whose message calls the file a `kind`."""
+    """Return the unchecked tables of a TOML file. Raises PresetError; its message calls the file a `kind`."""
     try:
         return toml_table(path.read_text(encoding="utf-8"))
     except TomlError as error:

@@ -1,4 +1,4 @@
-"""Modes of a diffusion operator: smallest eigenpairs, with signs by axes that rotate with the surface."""
+"""Modes of a diffusion operator: its smallest eigenpairs, with signs by axes that rotate with the surface."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 
 CLEAR_MOMENT = 1e-2
-"""Moments, and differences of inertias, below this fraction of their natural size count as zero."""
+"""Moments, and differences of inertias, count as zero below this fraction of their natural size."""
 
 
 @one_blas_thread()
@@ -27,9 +27,9 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
     weights : (n,) each, not negative: scalars on the vertices, such as the size of the load or the supports.
     vectors : (3,) each, such as the resultant of the loads.
 
-    The axes follow the first clear directions of this list: the vectors; the lines from the surface's centroid to the
-    centroid of every weight; the skew of the area; principal axes of inertia of the area and of the weights, towards
-    positive third moments; the axes x, y and z. A dome under its own weight determines only its own axis, and any
+    The axes are the first clear directions of this list: the vectors; the lines from the surface's centroid to the
+    centroid of each weight; the skew of the area; principal axes of inertia of the area and of the weights, towards
+    positive third moments; the axes x, y and z. A dome under its own weight determines only its vertical axis. Any
     rotation of its pattern about this axis is equally good."""
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
@@ -46,7 +46,7 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
 
 
 def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Floats]) -> Iterator[Floats]:
-    """Yield the directions that `reference_axes` lists, of length about 1 if clear and about 0 if meaningless."""
+    """Yield the directions that `reference_axes` lists, of length about 1, or about 0 if a direction has no meaning."""
     for vector in vectors:
         length = float(np.linalg.norm(vector))
         if length > 0:
@@ -66,16 +66,16 @@ def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Fl
 
 
 def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
-    """Return the sign of an axis's third moment, or of its first large coordinate if that moment is about zero."""
+    """Return the sign of an axis's third moment, or of its first large coordinate if the moment is about zero."""
     if abs(third_moment) > CLEAR_MOMENT * largest**1.5:
         return float(np.sign(third_moment))
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))
 
 
 REPEATED = 1e-6  # Eigenvalues count as repeated if their relative difference is smaller.
-VISIBLE = 1e-2  # A reference field fixes a basis or a sign only if a larger part of it lies in the eigenspace.
+VISIBLE = 1e-2  # A reference field decides a basis or a sign only if a larger part of it lies in the eigenspace.
 SPARE = 2
-"""Number of eigenpairs computed beyond the requested number, so that a repeated last eigenvalue is mostly complete."""
+"""Number of eigenpairs computed beyond the request, so that a repeated last eigenvalue is mostly complete."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ class Modes:
         lock_floats(self, lam=(None,), X=(None, len(self.lam)))
 
     def mode(self, number: int) -> Floats:
-        """Return mode `number` (n,); mode 1 is the first that is not constant, as in the paper's figures.
+        """Return mode `number` (n,). Mode 1 is the first that is not constant, as in the paper's figures.
         Raises PatternError for a number beyond the computed modes."""
         if not 1 <= number <= len(self.lam):
             raise PatternError(f"mode {number} does not exist; modes 1 to {len(self.lam)} were computed")
@@ -106,14 +106,14 @@ def _constant_modes(surface: Surface) -> int:
 def diffusion_modes(
     surface: Surface, L: csr_array, k: int = 5, axes: Floats | None = None, symmetry: Symmetry | None = None
 ) -> Modes:
-    """Return the k smallest modes of L x = lambda M x that are not constant (paper, section 3.4), M the Voronoi mass.
+    """Return the k smallest modes of L x = lambda M x that are not constant (paper, section 3.4); M: Voronoi mass.
 
-    The method is shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. Modes are scaled as on a surface of area 4 pi, so
-    that a frequency gives as many stripes at any size; on the unit sphere modes are M-normalised. Signs and bases of
-    repeated eigenvalues do not depend on the solver (`_canonical`), and rotate with the surface if the axes do.
+    The method is shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. Modes are scaled as on a surface of area 4 pi. So a
+    frequency gives equally many stripes at any size. On the unit sphere modes are M-normalised. Signs, and bases of
+    repeated eigenvalues, do not depend on the solver (`_canonical`). They rotate with the surface if the axes do.
 
-    axes     : (3, 3) rows, for signs and bases; by default the axes of the surface alone (`reference_axes`).
-    symmetry : if set, only modes that are equal at all images count; more pairs are computed until k such modes exist.
+    axes     : (3, 3) rows, for signs and bases; default: the axes of the surface alone (`reference_axes`).
+    symmetry : if set, only modes with equal values at all images count; more pairs are computed until k exist.
     Raises PatternError if the mesh has too few vertices for k modes."""
     return family_modes(surface, [L], k, axes, symmetry)[0]
 
@@ -126,7 +126,7 @@ def family_modes(
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
     """Return the modes of several operators (n, n) on one surface, as `diffusion_modes` does, with common axes (3, 3).
-    Operators of one mesh have one pattern: one analysis serves all, and each needs one factorisation of values."""
+    Operators of one mesh have one pattern, which is analysed once. Each operator needs one factorisation."""
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
     families, solve = [], None
@@ -161,12 +161,12 @@ def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, 
 
 
 def _root(surface: Surface, mass: Floats) -> Floats:
-    """Return the square root (n,) of the mass. A vertex without faces has mass 0 and gets a unit row of the matrix."""
+    """Return the square root (n,) of the mass, but of the whole area at a vertex without faces, whose mass is 0."""
     return np.sqrt(np.where(mass > 0, mass, surface.area))
 
 
 def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
-    """Return M^-1/2 (L + s M) M^-1/2, s = 1 / area; a vertex without faces gets a large eigenvalue."""
+    """Return M^-1/2 (L + s M) M^-1/2, with s = 1 / area; a vertex without faces gets a large eigenvalue."""
     root = _root(surface, mass)
     unused = np.where(mass > 0, 0.0, L.diagonal().max() / root.min() ** 2)
     A = csr_array((L.data / np.repeat(root, np.diff(L.indptr)) / root[L.indices], L.indices, L.indptr), shape=L.shape)
@@ -174,11 +174,11 @@ def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
 
 
 def _factor(surface: Surface, A: csr_array) -> Factor:
-    """Factorise with PARDISO if installed, which takes half of SuperLU's time with one unknown per point.
-    Both are faster than the multifrontal factor at 30 to 50 single solves."""
+    """Factorise with PARDISO if it is installed; it takes half of SuperLU's time with one unknown per point.
+    For 30 to 50 single solves, both are faster than the multifrontal factor."""
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
-    results = derived_results(surface)  # one order of elimination serves all operators of a surface
+    results = derived_results(surface)  # all operators have the same order of elimination
     solve = SuperLU(A, surface.V, np.arange(surface.n), order=results.get(SuperLU), definite=True)
     results[SuperLU] = solve.order
     return solve
@@ -186,10 +186,10 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
     """Return the smallest `count` eigenpairs of A (n, n), ascending: Lanczos on `solve`, b -> (A + shift)^-1 b.
-    Four vectors for each pair give few restarts: 33 solves for five simple modes, 52 for pairs of equal modes. The
-    tolerance is 0, because copies of a repeated eigenvalue grow from rounding errors."""
+    With four vectors for each pair, restarts are few: 33 solves for five simple modes, 52 for pairs of equal modes.
+    The tolerance is 0, because copies of a repeated eigenvalue grow from rounding errors."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
-    start = 1 + 0.5 * np.sin(np.arange(n))  # a fixed start gives repeatable modes
+    start = 1 + 0.5 * np.sin(np.arange(n))  # always the same start, so the same modes
     try:
         with one_blas_thread():
             vectors = min(n, max(20, 4 * count))
@@ -202,10 +202,10 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
     """Return the same eigenspaces in a basis that does not depend on the solver.
-    Symmetric surfaces repeat eigenvalues, and any rotation within such an eigenspace solves the equations. In each
-    space the reference fields (x, y, z along the axes, then their products) are projected in turn and orthonormalised:
-    the first vector is the part of the space most like x, and so on. The sign of a single mode follows from its third
-    moment if that is clear, because the moment needs no axes; else from these fields."""
+    Symmetric surfaces repeat eigenvalues, and any rotation within such an eigenspace solves the equations. Reference
+    fields decide: x, y, z along the axes, then their products. In each space, these are projected one after the other
+    and orthonormalised, so the first vector is most like x. The sign of a single mode is that of its third moment if
+    that is clear, because the moment needs no axes; else these fields decide."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0
@@ -222,7 +222,7 @@ def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Flo
 
 
 def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
-    """Return polynomials (n, 19) of the coordinates along the axes up to degree 3; mean 0 and length 1 in M."""
+    """Return polynomials (n, 19) of the coordinates along the axes, up to degree 3, with mean 0 and length 1 in M."""
     x = (surface.V - mass @ surface.V / mass.sum()) @ axes.T / surface.size
     x = np.ascontiguousarray(x.T)
     squares = [x[i] * x[j] for i in range(3) for j in range(i, 3)]
@@ -235,7 +235,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return an M-orthonormal basis of `space` (n, c): reference fields minus their parts along earlier vectors."""
+    """Return an M-orthonormal basis of `space` (n, c): reference fields without their parts along earlier vectors."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

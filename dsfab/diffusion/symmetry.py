@@ -1,4 +1,4 @@
-"""Symmetry of a surface with its supports and loads: mirrors and rotations, on request or by search."""
+"""Symmetry of a surface with its supports and loads: mirrors and rotations, from the preset or by search."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -28,12 +28,12 @@ from dsfab.surface import (
     weights_at,
 )
 
-IMAGE_OFF_SURFACE = 0.25  # Largest distance of images of vertices from the surface, divided by the mean edge.
+IMAGE_OFF_SURFACE = 0.25  # Largest distance of the images of vertices from the surface, divided by the mean edge.
 OFF_SUPPORT = 1.0
-"""Largest distance of images of supported vertices from supported vertices, in mean edges: a picker's accuracy."""
+"""Largest distance of images of supported vertices from supported vertices, in mean edges, the accuracy of a picker."""
 OFF_LOAD = (0.3, 0.02)
-"""Largest difference of loads from their images, divided by the total load: of smoothed forces, then of resultants."""
-SAMPLE_POINTS = 100  # Number of points in the sample that is checked before all points.
+"""Largest difference of loads from their images, divided by the total load: for smoothed forces, and for resultants."""
+SAMPLE_POINTS = 100  # Number of points that are checked before all points.
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,38 +57,38 @@ class Symmetry:
         return len(self.R)
 
     def mean(self, x: Floats) -> Floats:
-        """Return the mean of a field (n, ...) over the group: equal at all images, up to interpolation."""
+        """Return the mean (n, ...) of a field at all images of each point; symmetric up to interpolation."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / self.order)
 
     def maximum(self, x: Floats) -> Floats:
-        """Return the largest of a field's values (n,) at the images of each point."""
+        """Return the maximum (n,) of a field at all images of each point."""
         return np.asarray(np.max([x, *(T @ x for T in self.maps[1:])], axis=0))
 
     def mean_stress(self, sigma: Floats) -> Floats:
-        """Return the mean over the group of tensors (m, 3, 3) on the faces, each rotated back: R^T sigma(R x) R."""
+        """Return the mean of tensors (m, 3, 3) at all images of each face, each rotated back: R^T sigma(R x) R."""
         total = sum(R.T @ sigma[face] @ R for R, face in zip(self.R, self.faces, strict=True))
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the RMS over the area of a field (n,) minus its image, over the field's RMS: the largest ratio."""
+        """Return the largest RMS difference of a field (n,) from one of its images, divided by the RMS of the field."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
-        """Return the modes of X (n, k) that are equal at all images: eigenvalues (j,) and M-orthonormal modes (n, j).
-        The modes are combinations of the group means of X, whose singular values are 1 or 0 on a symmetric mesh. Among
-        these combinations L is diagonalised again (Rayleigh and Ritz)."""
+        """Return the modes of X (n, k) with equal values at all images: eigenvalues (j,), M-orthonormal modes (n, j).
+        The modes are combinations of the means of X over the group, whose singular values are 1 or 0 on a symmetric
+        mesh. Among these combinations L is diagonalised again (Rayleigh and Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
-        keep = share > 0.5**2  # squared singular values are near 0 or 1
+        keep = share > 0.5**2  # shares are near 0 or 1
         B = Y @ (C[:, keep] / np.sqrt(share[keep]))
         lam, Q = np.linalg.eigh(B.T @ (L @ B))
         return lam, B @ Q
 
 
 def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Symmetry:
-    """Return the group that words generate: `x` mirrors x, `rot:6:z` rotates by a sixth about z, through the centroid.
+    """Return the group that `words` generate, about the centroid: `x` mirrors x, `rot:6:z` rotates by a sixth about z.
     Raises PatternError for unknown words, and if the surface, its supports or one of the loads lack this symmetry."""
     return checked_symmetry(surface, symmetry_group(words), loads, str(list(words)))
 
@@ -103,13 +103,13 @@ def checked_symmetry(
     surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str, tree: igl.AABB | None = None
 ) -> Symmetry:
     """Return the symmetry of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
-    tree : `face_tree` of the surface, if the caller has it.
+    tree : `face_tree` of the surface, if it exists already.
     Raises PatternError, which quotes `words`, if the surface, its supports or a load lacks this symmetry."""
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
     few = surface.V[:: max(surface.n // SAMPLE_POINTS, 1)]
     tree = tree or face_tree(surface)
-    for g in R[1:]:  # a sample of vertices already refuses most surfaces
+    for g in R[1:]:  # a sample of vertices is enough to refuse most surfaces
         distance = largest_distance(surface, tree, (few - centre) @ g.T + centre)
         if distance > IMAGE_OFF_SURFACE * edge:
             raise _symmetry_error(words, "the surface is", f"its image is up to {distance:.3g} m away from it")
@@ -151,8 +151,8 @@ def _generator(word: str) -> Floats:
 
 
 def symmetry_group(words: Sequence[str]) -> Floats:
-    """Return the products (g, 3, 3) of mirrors and rotations, the identity first. Raises PatternError for an unknown
-    word, and for more than `LARGEST_GROUP` products."""
+    """Return the products (g, 3, 3) of mirrors and rotations, the identity first.
+    Raises PatternError for an unknown word, and for more than `LARGEST_GROUP` products."""
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:
@@ -166,9 +166,9 @@ def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
 
 
 def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
-    """Return the largest distance of points (p, 3) from the surface, and the matrix (p, n) that interpolates fields at
-    the nearest points of the surface. Barycentric weights below 1e-3 become 0, because files round coordinates. On a
-    symmetric mesh a field then has exactly equal values at all images of a vertex."""
+    """Return the largest distance of points (p, 3) from the surface, and a matrix (p, n) of interpolation there.
+    The matrix interpolates at the nearest points of the surface. Barycentric weights below 1e-3 become 0, because
+    files round coordinates. So on a symmetric mesh, a field has exactly equal values at all images of a vertex."""
     squared, face, nearest_points = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     weight = np.clip(weights_at(nearest_points, surface.V, corner), 0, 1)
@@ -181,7 +181,7 @@ def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float,
 
 
 def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: LoadCase, centre: Floats) -> None:
-    """Raise PatternError unless the images of supported vertices are also supported, along the same directions."""
+    """Raise PatternError unless all images of supported vertices are also supported, in the same directions."""
     kinds, kind = np.unique(load.fixed, axis=0, return_inverse=True)
     for R in symmetry.R[1:]:
         for i, holds in enumerate(kinds):
@@ -207,8 +207,8 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """Raise PatternError unless the forces equal their images. Resultants and moments are compared first, then the
-    forces, which are smoothed because meshes are irregular."""
+    """Raise PatternError unless the forces equal their images.
+    First resultants and moments are compared, then the forces, smoothed because meshes are irregular."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):
@@ -222,7 +222,7 @@ def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats
 
 
 def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
-    """Return forces (n, 3) averaged over neighbours, with the same sum; 6 rounds reach about two edges."""
+    """Return forces (n, 3) with the same sum, averaged over neighbours; 6 rounds extend over about two edges."""
     ends, n = surface.edges.ends, surface.n
     share = 0.5 / np.maximum(np.bincount(ends.ravel(), minlength=n), 1)
     i, j = np.concatenate([ends, ends[:, ::-1]]).T
@@ -233,10 +233,10 @@ def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats
 
 
 TURNS = (12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2)
-"""Rotations about an axis that the search tries, as fractions 1 / n of a full turn."""
+"""Rotations about an axis that the search tries: 1 / n of a full rotation for each n."""
 ROUND = (7, 5)
-"""A surface counts as round if it is symmetric under rotations by both of these fractions of a full turn."""
-LENIENT = 1.5  # quick checks multiply all tolerances by this factor
+"""A surface counts as round if it is symmetric under rotations by 1 / 7 and by 1 / 5 of a full rotation."""
+LENIENT = 1.5  # Quick checks multiply all tolerances by this factor.
 
 
 def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
@@ -244,8 +244,8 @@ def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) 
 
     axes : (3, 3) orthonormal rows that rotate with the surface, its supports and its loads.
 
-    A sample of points checks all candidates. The remaining candidates are checked together at all points, or one by one
-    if that check fails."""
+    First a sample of points checks all candidates. The remaining candidates are checked together at all points, or one
+    by one if that check fails."""
     glance = _QuickCheck(surface, tuple(loads))
     generators = [R for R in _generators(surface, axes, glance) if glance.allows(R)]
     if not generators:
@@ -262,7 +262,7 @@ def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) 
 
 @dataclass(frozen=True, eq=False)
 class _QuickCheck:
-    """Quick checks that refuse most mirrors and rotations of a surface with its supports and loads."""
+    """Quick checks, which refuse most mirrors and rotations that are no symmetry of a surface with its loads."""
 
     surface: Surface
     loads: tuple[LoadCase, ...]
@@ -281,13 +281,13 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """Supported points of each load case, relative to the centroid: a sample, and a k-d tree of all points."""
+        """Supported points of each load case, relative to the centroid: a sample, and a k-d tree of all of them."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """Forces of each load case: resultant (N), first moments (3, 3) about the centroid (N m), sum of sizes (N)."""
+        """Of the forces of each load case: resultant (N), moments (3, 3) about the centroid (N m), sum of sizes (N)."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
@@ -329,10 +329,10 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
-    """Return the normal (3,) of the best mirror for an irregular mesh of a round surface. Candidates for the normal
-    point to the points that are farthest from the axis. Images of the outermost points, at least `samples`, must be
-    nearest to vertices. Among equals, the most vertices lie on the mirror or on the plane across the mirror. The choice
-    does not depend on the numbering."""
+    """Return the normal (3,) of the best mirror for an irregular mesh of a round surface.
+    Candidates point to the points farthest from the axis. The best mirror has the images of the outermost points, at
+    least `samples`, nearest to vertices. Of equal candidates, it has most vertices on the mirror or on the plane
+    across it. The numbering of the vertices does not matter."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]
@@ -341,13 +341,13 @@ def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: 
     images = np.concatenate([outer @ mirror(normal).T for normal in N])
     misfit = np.square(outer_tree.query(images)[0]).reshape(len(N), -1).sum(axis=1) / edge**2
     on_mirror = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (N, np.cross(axis, N)))
-    # the distance of images from vertices decides, then the number of vertices on the mirror
+    # first the distance of images from vertices decides, then the number of vertices on the mirror
     ranks = zip(np.round(misfit, 6).tolist(), (-np.round(on_mirror, 6)).tolist(), range(len(N)), strict=True)
     return np.asarray(N[min(ranks)[2]])
 
 
 def _turn(axis: Floats, parts: int) -> Floats:
-    """Return the rotation (3, 3) by 1 / parts of a full turn [Rodrigues 1840]."""
+    """Return the rotation (3, 3) by 1 / parts of a full rotation [Rodrigues 1840]."""
     angle = 2 * np.pi / parts
     x, y, z = axis
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

@@ -1,4 +1,4 @@
-"""Diffusion tensors and the diffusion operator, from the stress of all layers of a sheet."""
+"""Diffusion tensors and the diffusion operator, from the stress through the thickness of a sheet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from dsfab.surface.fields import assemble, hat_gradients, tangents
 
 def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
     """Return one stress for all layers through the thickness: (m, 3, 3) Pa, symmetric, tangent to the faces.
-    Its principal axes have the least mean square of shear over the thickness. Each principal value is the root mean
+    Its principal axes have the smallest mean square of shear over the thickness. Each principal value is the root mean
     square of the traction on its axis over the thickness.
 
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
-    bending  : (m, 3, 3) stress that bending adds at the bottom, the side that normals point away from, Pa.
+    bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa.
 
     The result rotates with the surface, scales with the stress and changes sign with it. Reversed normals change only
     its sign, and only if the middle surface is unstressed. Faces without bending keep their membrane stress exactly."""
@@ -38,7 +38,7 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
 
 
 def only_bends(membrane: Floats, bending: Floats) -> bool:
-    """Return whether the middle surface has less than a thousandth of the stress on its sides; any shape, Pa."""
+    """Return True if the middle surface has less than a thousandth of the stress at the bottom; any shape, Pa."""
     return float(np.abs(membrane).max()) < 1e-3 * float(np.abs(bending).max())
 
 
@@ -48,16 +48,16 @@ def _deviator(planar: Floats) -> Floats:
 
 
 Labelling = Literal["signed", "magnitude"]
-ISOTROPY = 0.02  # A face is isotropic if its principal stresses differ by less than this share of their RMS.
+ISOTROPY = 0.02  # A face is isotropic if its principal stresses differ by less than this fraction of their RMS.
 
 
 @dataclass(frozen=True, eq=False)
 class DiffusionTensors:
     """Two symmetric tensors per face, acting on gradients in the face's plane; eigenvalues r and 1, or 1 and 1.
-    major     : (m, 3, 3) r along the primary direction, the direction of the major stripes.
-    minor     : (m, 3, 3) r along the secondary direction.
+    major     : (m, 3, 3) with r along the primary direction, the direction of the major stripes.
+    minor     : (m, 3, 3) with r along the secondary direction.
     isotropic : (m,) faces without a preferred direction.
-    principal : (m, 2) primary and secondary principal stress, Pa (times gamma)."""
+    principal : (m, 2) primary and secondary principal stress, Pa, multiplied by gamma."""
 
     major: Floats
     minor: Floats
@@ -83,13 +83,13 @@ def diffusion_tensors(
     sigma     : (m, 3, 3) stress, Pa, tangent to the faces.
     r         : anisotropy, >= 1; 1 gives the Laplacian.
     gamma     : the paper's force magnitude, a factor on the stress before classification (statics are linear).
-    labelling : `signed`, primary = algebraically larger (tension); `magnitude`, primary = larger absolute value (the
-                paper). On a sphere pressed at its pole, meridian compression and hoop tension have almost equal
-                magnitudes, so that rounding decides the labels of `magnitude`, and the structure falls apart. For a
-                `combined_stress`, which is nowhere negative, both rules choose the larger value.
-    isotropy  : tolerance of the classification, against a reference stress (RMS of the principal stresses over the
-                area, without gamma): `signed` gamma (s1 - s2) <= isotropy ref; `magnitude`
-                (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 + isotropy with eps = isotropy ref."""
+    labelling : `signed`: the primary stress is the algebraically larger one (tension); `magnitude`: the one with the
+                larger absolute value (the paper). On a sphere pressed at its pole, meridian compression and hoop
+                tension are almost equal. There rounding decides the labels of `magnitude`, and the structure falls
+                apart. For a `combined_stress`, which is nowhere negative, both rules choose the larger value.
+    isotropy  : tolerance of the classification; ref is the RMS of the principal stresses over the area, without gamma.
+                `signed`: gamma (s1 - s2) <= isotropy ref. `magnitude`: (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 +
+                isotropy, with eps = isotropy ref."""
     stress, direction = principal_stresses(surface, sigma)
     if labelling == "magnitude":
         swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
@@ -98,22 +98,21 @@ def diffusion_tensors(
     reference = float(np.sqrt((surface.areas @ (stress**2).sum(axis=1)) / (2 * surface.area)))
     isotropic = _is_isotropic(gamma * stress, labelling, isotropy, reference)
     weight = np.where(isotropic, 1.0, r)
-    along = np.einsum("mai,maj->maij", direction, direction)  # (m, 2, 3, 3) projectors on the two directions
+    along = np.einsum("mai,maj->maij", direction, direction)  # (m, 2, 3, 3) projections on both directions
     tangent = along.sum(axis=1)
     excess = (weight - 1)[:, None, None]
     return DiffusionTensors(tangent + excess * along[:, 0], tangent + excess * along[:, 1], isotropic, gamma * stress)
 
 
 def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Sequence[float]) -> Floats:
-    """Combine load cases to one tensor (m, 3, 3), Pa: the sum of weight |sigma|, |sigma| = sum |s_i| e_i e_i^T.
+    """Combine load cases to one tensor (m, 3, 3), Pa: the sum of weight |sigma|, with |sigma| = sum |s_i| e_i e_i^T.
 
     stresses : (m, 3, 3) each, Pa, tangent to the faces.     weights : 0 or more for each case.
 
-    A direction counts by its stress in any case, tension or compression: cases of opposite sign (wind from two sides)
-    add up, while they would cancel in a sum of the stresses. Cases are not normalised, so that a larger load counts
-    more unless weights differ. Both principal values are 0 or more, so that `signed` and `magnitude` order them alike.
-    In pure shear tension and compression are equal: |sigma| has no preferred direction, and faces around such a place
-    change their label. For a single case, its own stress is therefore better."""
+    Tension and compression in a direction count alike. So cases of opposite sign (wind from two sides) add up, and do
+    not cancel. Cases are not normalised: a larger load counts more unless weights differ. Both principal values are 0
+    or more, so `signed` and `magnitude` give the same order. In pure shear, tension and compression are equal. Then
+    |sigma| has no preferred direction, and faces around change their label. So use the stress itself for one case."""
     total = np.zeros((surface.m, 3, 3))
     for sigma, weight in zip(stresses, weights, strict=True):
         stress, direction = principal_stresses(surface, sigma)
@@ -144,6 +143,6 @@ def _is_isotropic(stress: Floats, labelling: Labelling, tolerance: float, refere
 def diffusion_operator(surface: Surface, D: Floats) -> csr_array:
     """Return the weak form of -div(D grad), paper eq. 5, on linear hats with a tensor per face [Andreux et al. 2014].
     D : (m, 3, 3) symmetric, positive on each face's plane, dimensionless; it acts on gradients.
-    Returns L : (n, n) symmetric positive semidefinite, rows sum to zero; for D = I the cotangent Laplacian."""
+    Returns L : (n, n) symmetric positive semidefinite, with zero row sums; for D = I the cotangent Laplacian."""
     g, A = hat_gradients(surface), surface.areas  # (m, 3 corners, 3 xyz) per metre; (m,) square metres
     return assemble(surface, np.einsum("mia,mab,mjb,m->mij", g, D, g, A, optimize=True))

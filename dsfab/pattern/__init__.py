@@ -1,4 +1,4 @@
-"""Stage 4, pattern: stripes of material, their widths, and regions that stay material."""
+"""Stage 4, pattern: stripes of material, their widths, and regions that always stay material."""
 
 from dsfab.pattern.direction_field import (
     FamilyRole,

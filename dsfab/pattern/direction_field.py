@@ -1,4 +1,4 @@
-"""Direction field of stripes along principal stresses and the boundary; neighbours agree in sign except at seams."""
+"""Directions of stripes at vertices, along principal stresses; neighbours have equal signs except at seams."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from dsfab.surface import link_components
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
-"""Stripes run along the boundary where their gradient and the boundary have a smaller cosine: within 17 degrees."""
+"""Stripes follow the boundary where the cosine of their gradient with the boundary is smaller (17 degrees)."""
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
-    """Return vertices (n,) at which stripes run along the boundary; g : (n, 3) unit gradients of the stripes' phase.
-    shortest : metres; shorter runs of such vertices do not count, for example across the corner of a plate."""
+    """Return a mask (n,) of vertices where stripes follow the boundary; g : (n, 3) unit gradients of their phase.
+    shortest : metres; shorter rows of such vertices are left out, for example across the corner of a plate."""
     ends = surface.edges.ends[surface.edges.boundary]
     step = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
     moment = np.zeros((surface.n, 3, 3))
@@ -40,8 +40,8 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
-    """Return vertices (n,) where the direction `along` (n, 3), a unit tangent up to sign, belongs to the second family.
-    In a region the direction rotates by less than 45 degrees from vertex to vertex. The families keep their names in
+    """Return a mask (n,) of vertices where `along` (n, 3), a unit tangent up to sign, belongs to the other family.
+    In a region, the direction rotates by less than 45 degrees from vertex to vertex. The families keep their names in
     the largest region, and exchange them at each border. A curve that ends inside the surface bounds no region."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
@@ -54,12 +54,12 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
     is_border = region_i != region_j
     border = coo_array((metres[is_border], (region_i[is_border], region_j[is_border])), shape=(count, count)).tocsr()
     border = csr_array(border + border.T)
-    border.data = -border.data  # the tree joins regions across the longest borders
+    border.data = -border.data  # the tree prefers long borders
     tree = minimum_spanning_tree(border)
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     while unvisited.any():
-        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # rounded, so that equal areas stay equal
+        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # equal areas stay equal
         order, predecessor = breadth_first_order(tree, root, directed=False)
         unvisited[order] = False
         for child in order[1:].tolist():
@@ -76,7 +76,7 @@ def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
 
 
 def _cut_edges(surface: Surface, singular: Bools) -> Bools:
-    """Return edges (e,) to cut: those that a tree of paths between singular faces (m,) and boundaries crosses."""
+    """Return a mask (e,) of edges to cut, which cross paths between singular faces (m,) and boundaries."""
     edges = surface.edges
     is_cut = np.zeros(len(edges.ends), dtype=bool)
     if not singular.any():
@@ -107,7 +107,7 @@ def _cut_edges(surface: Surface, singular: Bools) -> Bools:
 
 
 def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools) -> list[int]:
-    """Return the edges that a path crosses from its start, a singular face or the boundary itself, to a face."""
+    """Return the edges that a path crosses to a face; the path begins at a singular face or at the boundary."""
     edges, path_edges = surface.edges, []
     while predecessor[face] >= 0:
         path_edges.append(int(np.intersect1d(edges.of[face], edges.of[predecessor[face]])[0]))
@@ -118,7 +118,7 @@ def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools)
 
 
 def _path_ends(surface: Surface, singular: Bools) -> Ints:
-    """Return for each face (m,) the number of the singular face or boundary at which a path may end; 0 for none."""
+    """Return for each face (m,) the number of the singular face or boundary where a path may end; 0 for none."""
     edges = surface.edges
     count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
@@ -142,7 +142,7 @@ def _propagated_signs(surface: Surface, against: Bools, crossed: Bools) -> Float
 
 
 def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
-    """Return products (k,) of the signs of links along the paths from a search's first vertex, by pointer doubling."""
+    """Return the products (k,) of the links' signs along the paths from the first vertex of a search."""
     parent = predecessor[order[1:]]
     sign = np.concatenate([[1.0], np.asarray(link[parent, order[1:]]).ravel()])
     place = np.empty(len(predecessor), dtype=np.int64)
@@ -154,20 +154,20 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     return sign
 
 
-FLOOR = 1e-6  # Least weight of the stress, so that the field is unique on an unstressed surface.
+FLOOR = 1e-6  # Smallest weight of the stress, so that the field is unique on an unstressed surface.
 
 
 @dataclass(frozen=True, eq=False)
 class StressDirections:
-    """Stresses that the field follows, on the faces.
-    stress : (m, 2) principal stresses, any unit; major stripes run along the first. direction : (m, 2, 3) unit."""
+    """Stresses on the faces, for a direction field.
+    stress : (m, 2) principal stresses, any unit; major stripes follow the first. direction : (m, 2, 3) unit vectors."""
 
     stress: Floats
     direction: Floats
 
     def confidence(self, areas: Floats) -> Floats:
-        """Return D / (D + 0.3 r) (m,), 0 to 1, where D is the difference of the principal stresses, and r their RMS.
-        Raises PatternError if the stress is zero."""
+        """Return the clarity (m,) of the directions, 0 to 1: D / (D + 0.3 r).
+        D is the difference of the principal stresses, and r is their RMS. Raises PatternError if the stress is zero."""
         differ = np.abs(self.stress[:, 0] - self.stress[:, 1])
         reference = float(np.sqrt((areas @ (self.stress**2).sum(axis=1)) / (2 * areas.sum())))
         if not reference > 0:
@@ -177,13 +177,13 @@ class StressDirections:
 
 RISE = (0.02, 0.75)
 """Limits of the mean squared slope (sine) of a shell with arches: a flat plate has 0, half a sphere 2/3, a tower 1."""
-CLEAR_SHARE = 0.75  # Least share of a family's area on which its title, such as pressed, must be true.
+CLEAR_SHARE = 0.75  # A title such as "pressed" must be true on at least this fraction of a family's area.
 
 
 class FamilyRole(NamedTuple):
-    """The part of a family of stripes in carrying the loads.
+    """How a family of stripes carries the loads.
     key    : "major" or "minor".    shape : "arches", "hoops" or "purlins" (straight level lines); "" for other shapes.
-    pulled : share of the area, weighted by stress, on which the family is pulled, 0 to 1; NaN if unknown."""
+    pulled : fraction of the area, weighted by stress, on which the family is pulled, 0 to 1; NaN if unknown."""
 
     key: str
     shape: str = ""
@@ -191,7 +191,7 @@ class FamilyRole(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Name of the members in words, such as `arches (minor, pressed)` or `major members (pulled)`."""
+        """The family's name in words, such as `arches (minor, pressed)` or `major members (pulled)`."""
         if np.isnan(self.pulled):
             return f"{self.key} members"
         action = "pulled" if self.pulled > CLEAR_SHARE else "partly pulled, partly pressed"
@@ -200,12 +200,12 @@ class FamilyRole(NamedTuple):
 
 
 def family_roles(surface: Surface, directions: StressDirections) -> tuple[FamilyRole, FamilyRole]:
-    """Return the roles of the major and the minor family under signed principal stresses; z points up.
-    Hoops and purlins are level, in the mean weighted by squared slope. A pressed family that rises has arches."""
+    """Return the roles of the major and the minor family under principal stresses with signs; z points up.
+    Hoops and purlins are level in the mean, weighted by squared slope. Arches rise, and are pressed."""
     size = surface.areas[:, None] * np.abs(directions.stress)
     total = size.sum(axis=0)
     pulled = np.divide((size * (directions.stress > 0)).sum(axis=0), total, out=np.full(2, np.nan), where=total > 0)
-    level = np.cross([0.0, 0.0, 1.0], surface.normals)  # its length is the sine of the slope
+    level = np.cross([0.0, 0.0, 1.0], surface.normals)  # of length sin(slope)
     weight = surface.areas * (level**2).sum(axis=1)
     shapes = ["", ""]
     if RISE[0] * surface.area < weight.sum() < RISE[1] * surface.area:
@@ -220,15 +220,15 @@ def family_roles(surface: Surface, directions: StressDirections) -> tuple[Family
 def cross_field(
     frames: Frames, directions: StressDirections, length: float, turn: float = 0.0, guidance: Sequence[Guidance] = ()
 ) -> Floats:
-    """Return unit directions (n, 3) at the vertices, along the major stripes; their sign has no meaning.
+    """Return unit directions (n, 3) of the major stripes at the vertices; their sign has no meaning.
 
-    length   : metres over which unclear stress is smoothed.
-    turn     : rotation from the stress, radians, counter-clockwise as seen from the side that normals point to.
+    length   : metres over which the directions of unclear stress are smoothed.
+    turn     : rotation from the stress, radians, counter-clockwise as seen from the tip of the normal.
     guidance : guides, which are not rotated.
 
-    In each frame the direction is the square z^2 of a complex number, which a half turn does not change. The field
-    minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2, with e the first principal direction and c its confidence; see
-    also `Guidance`. Raises PatternError if the stress is zero."""
+    In each frame the field is z^2, the square of the direction as a complex number z: both signs of z give the same
+    square. The field minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2. Here e is the first principal direction, and c
+    its confidence; see also `Guidance`. Raises PatternError if the stress is zero."""
     surface = frames.surface
     share = (surface.areas * directions.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
     e = directions.direction[:, 0]
@@ -239,10 +239,10 @@ def cross_field(
     for guide in guidance:
         right += surface.vertex_areas * guide.square
         weight += surface.vertex_areas * guide.weight
-    weight[weight == 0] = FLOOR * surface.mean_edge**2  # these vertices have no face
+    weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
     x = frames.twisted_factors.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
     size = np.abs(x)
-    # smaller numbers are rounding errors, such as at the pole of a symmetric mesh; an edge gives the direction there
+    # smaller numbers are rounding errors, for example at the pole of a symmetric mesh; there an edge is the direction
     angle = np.where(size > 1e-6 * size.max(), np.angle(x) / 2, _first_edge_angles(frames))
     return frames.direction(angle)
 

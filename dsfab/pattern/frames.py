@@ -14,21 +14,21 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Most vertices at reversed edges that are eliminated separately, because each vertex costs one solve for every factor.
+"""Maximum number of vertices at reversed edges that are eliminated separately: each costs a solve for every factor.
 At 10,000 points, twice as many vertices take as long as the real matrix of twice the size."""
 
 Solve = Callable[[Complexes], Complexes]
 
 
 class TwistedFactors:
-    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2), from one analysis of their sparse pattern."""
+    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2); their sparse pattern is analysed once."""
 
     def __init__(self, V: Floats, ends: Ints) -> None:
         self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)
 
     def factor(self, coupling: Complexes, diagonal: Floats, turned: Bools | None = None) -> Solve:
         """Return the solver b -> (K + diagonal)^-1 b, (n,) complex, valid until the next factor.
-        coupling : (e,) w e^{i turn}.    diagonal : (n,).    turned : (e,) edges that couple with a conjugate."""
+        coupling : (e,) w e^{i turn}.    diagonal : (n,).    turned : (e,) edges that couple with the conjugate."""
         turned = np.zeros(len(coupling), dtype=bool) if turned is None else turned
         across = np.unique(self._ends[turned])
         if len(across) > FEW:
@@ -42,7 +42,7 @@ class TwistedFactors:
         return _corrected_solver(solve, across, W)
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
-        """Return the solver of a Hermitian matrix with `coupling` (e,) between ends of edges, and `diagonal` (n,)."""
+        """Return the solver of a Hermitian matrix: `coupling` (e,) between the ends of edges, `diagonal` (n,)."""
         solve: Any = self._one_pattern.factor(
             self._complex_pattern.matrix(np.concatenate([coupling, coupling.conj(), diagonal]))
         )
@@ -58,7 +58,7 @@ class TwistedFactors:
         return _EntryPositions(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
 
     def _real_factor(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
-        """Return the solver of the real matrix (2 n, 2 n), with real and imaginary part of a number side by side."""
+        """Return the solver of the real matrix (2 n, 2 n); real and imaginary parts of a number are neighbours."""
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
         places, pattern = self._real_pattern
@@ -92,7 +92,7 @@ class _EntryPositions:
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
     """Return the solver b -> x of H x - W conj(x) = b; `solve` solves H. W (n, s) acts on conjugates at vertices (s,).
-    With Z = H^-1 W, x = H^-1 b + Z conj(x): first 2 s real equations for x at these vertices, then x everywhere."""
+    With Z = H^-1 W, x = H^-1 b + Z conj(x). First 2 s real equations give x at these vertices, then x everywhere."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
     inverse = np.linalg.inv(
@@ -101,7 +101,7 @@ def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
 
     def solve_corrected(b: Complexes) -> Complexes:
         x = solve(b)
-        with one_blas_thread():  # for few columns two threads need a hundred times as long as one thread
+        with one_blas_thread():  # for few columns, two threads take a hundred times as long
             real, imaginary = np.split(inverse @ np.concatenate([x[across].real, x[across].imag]), 2)
             return np.asarray(x + Z @ (real - 1j * imaginary))
 
@@ -111,7 +111,7 @@ def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
 @dataclass(frozen=True, eq=False)
 class Frames:
     """Frames at the vertices of an oriented surface.
-    normal, t1, t2 : (n, 3) right-handed and orthonormal. weight : (e,) cotangent weights of the edges, not negative."""
+    normal, t1, t2 : (n, 3) orthonormal and right-handed. weight : (e,) cotangent weights of the edges, not negative."""
 
     surface: Surface
     normal: Floats
@@ -121,7 +121,7 @@ class Frames:
 
     @classmethod
     def for_surface(cls, surface: Surface) -> Self:
-        """Return frames with t1 along the projected x axis, or y if the normal is near x; this changes no result."""
+        """Return frames; t1 is the projected x axis, or y where the normal is near x. This choice changes no result."""
         normal = surface.vertex_normals.copy()
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
         axis = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
@@ -135,7 +135,7 @@ class Frames:
 
     @cached_property
     def turning(self) -> Floats:
-        """Angle r (e,): a direction at angle a in the second end's frame is at angle a + r in the first end's frame."""
+        """(e,) angle r: a direction at angle a in the frame of an edge's second end is at angle a + r at the first."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]
@@ -145,7 +145,7 @@ class Frames:
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
         """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point to the same side, -1 if to opposite sides.
-        For perpendicular tangents the orientation of the surface decides, and not rounding errors."""
+        If they are perpendicular, the orientation of the surface decides, not rounding errors."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 
@@ -154,7 +154,7 @@ class Frames:
         return np.cos(angle)[:, None] * self.t1 + np.sin(angle)[:, None] * self.t2
 
     def coupling(self, turn: Floats) -> Complexes:
-        """Return w e^{i turn} (e,), which couples the numbers at an edge's ends after a rotation by `turn` (e,)."""
+        """Return w e^{i turn} (e,): an edge couples the numbers at its ends after a rotation by `turn` (e,)."""
         return np.asarray(self.weight * np.exp(1j * turn))
 
     @cached_property
@@ -169,7 +169,7 @@ def dots(a: Floats, b: Floats) -> Floats:
 
 
 def corner_sums(surface: Surface, x: Floats) -> Floats:
-    """Return the sum (n,) at each vertex of values x (m, 3) at the corners of its faces."""
+    """Return for each vertex the sum (n,) of values x (m, 3) at the corners of its faces."""
     return np.bincount(surface.F.ravel(), x.ravel(), surface.n).astype(np.float64)
 
 
@@ -178,5 +178,5 @@ def _cotangents(surface: Surface) -> Floats:
     after, before = np.roll(g, -1, axis=1), np.roll(g, -2, axis=1)
     opposite = -np.einsum("mci,mci->mc", after, before) * surface.areas[:, None]  # half cotangent at corner c
     per_edge = np.bincount(np.roll(surface.edges.of, -1, axis=1).ravel(), opposite.ravel(), len(surface.edges.ends))
-    # the negative weights of obtuse triangles would reverse phases
+    # obtuse triangles would have negative weights, which reverse phases
     return np.asarray(np.maximum(per_edge, 0.05 * np.median(per_edge)))

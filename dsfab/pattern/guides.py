@@ -1,4 +1,4 @@
-"""Guides of a preset: directions of stripes from the user, and curves that members follow."""
+"""Guides of a preset: the user's directions of stripes, and curves that members follow."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,22 +18,21 @@ from dsfab.surface.mesh import Surface
 
 
 class GuideError(PatternError, ValueError):
-    """A guide that contradicts itself. Because it is a ValueError, pydantic reports it with its key."""
+    """A guide that contradicts itself; a ValueError, so that pydantic adds the guide's key to the message."""
 
 
 @dataclass(frozen=True)
 class Guide:
-    """A curve, or a direction in a region, that stripes follow more closely the larger its weight.
+    """A curve, or a direction in a region, for stripes. The larger its weight, the more closely stripes follow it.
 
     curve     : points of a polyline on the surface or near it, metres.
-    reach     : distance (m) from the curve, straight through space, at which the guide's weight falls to 0; by default
-                the smaller spacing of the stripes.
-    at        : the region, instead of a curve.    direction : of the stripes in the region; its tangential part counts.
-    weight    : 1 counts as much as clear stress; 0 not at all; 100 and more overrules stress.
-    family    : the family whose stripes run along the guide; stripes of the second family run across it.
-    member    : true for a member on the curve itself, whatever the weight.
-    Raises GuideError unless either a curve or a region is set, for a region without a direction, and for a member in a
-    region."""
+    reach     : straight distance from the curve at which the guide's weight falls to 0, metres; default: the smaller
+                spacing of the stripes.
+    at        : a region, instead of a curve.    direction : of the stripes in the region; its tangential part counts.
+    weight    : 1 counts as much as clear stress, 0 not at all; 100 or more overrules stress.
+    family    : the family whose stripes follow the guide; stripes of the other family run across it.
+    member    : True for a member on the curve itself, whatever the weight.
+    Raises GuideError without a curve or a region, with both, and for a region with a member or without a direction."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     curve: tuple[Vector, ...] | None = None
@@ -48,7 +47,7 @@ class Guide:
         if (self.curve is None) == (self.at is None):
             raise GuideError("give either curve = [[x, y, z], ...] or at = { pick = ... } with a direction")
         if self.at is not None and self.reach is not None:
-            raise GuideError("reach is for a curve; a region ends where its pick does")
+            raise GuideError("reach is for a curve; the pick alone sets the size of a region")
         if self.at is not None and self.member:
             raise GuideError("member is for a curve; remove member from a region")
         if self.curve is not None and self.direction is not None:
@@ -67,23 +66,22 @@ class Guide:
 @dataclass(frozen=True, eq=False)
 class Guidance:
     """The term of a guide in the minimisation of a cross field z: weight |z^2 - square / weight|^2.
-    weight : (n,) at the vertices.    square : (n,) complex, in the vertices' frames: weight times the square of the
-    direction of the major stripes."""
+    weight : (n,) at the vertices.    square : (n,) complex in their frames: weight x (direction of major stripes)^2."""
 
     weight: Floats
     square: Complexes
 
     @classmethod
     def from_guides(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
-        """Return the guidance of each guide whose weight is not 0.
-        spacing : default reach of curves, metres. Raises PatternError for a guide without an effect."""
+        """Return the guidance of each guide with a weight above 0.
+        spacing : default reach of curves, metres. Raises PatternError for a guide that has no effect."""
         squares = [(guide, _guide_squares(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
         weighted = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in squares]
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
-        """Return symmetric tensors (n, 3, 3) in space, of trace 0, so that guides at distant vertices can be compared.
-        Their size is w / (1 + w) for the weight w, because beyond w = 100 the field hardly changes."""
+        """Return symmetric tensors (n, 3, 3) of trace 0 in space, for comparing guides at distant vertices.
+        A weight w gives the size w / (1 + w), because beyond w = 100 the field hardly changes."""
         e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
         strength = self.square / (1 + self.weight)
@@ -92,7 +90,7 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return squares (n,) of a guide's direction, complex numbers in the frames of size 0 to 1; 0 beyond its reach."""
+    """Return squares (n,) of a guide's direction, complex in the vertices' frames, of size 0 to 1 (0: out of reach)."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None
@@ -103,7 +101,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
         square = np.where(inside, _tangent(frames, unit_vectors(np.array(guide.direction))) ** 2, 0.0)
     else:
         square = _curve_squares(frames, number, guide, guide.reach or spacing)
-    if np.abs(square).max() < 0.1**2:  # the direction is within 6 degrees of the normal
+    if np.abs(square).max() < 0.1**2:  # under 6 degrees from the normal
         subject = "the direction is" if guide.at is not None else "the curve is"
         raise PatternError(
             f"pattern.guide.{number}: {subject} perpendicular to the surface, so stripes cannot follow the guide; "
@@ -114,12 +112,12 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
     """Return squares (n,) of the direction of the curve's nearest piece, complex; their size falls to 0 at the reach.
-    Pieces at most a tenth of the reach farther away than the nearest piece count, too, with less weight."""
+    Other pieces count with less weight, if they are farther away by under a tenth of the reach."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
     square, nearest = np.zeros(surface.n, dtype=np.complex128), np.inf
-    chunk = max(1_000_000 // len(step), 1)  # chunks limit the memory
+    chunk = max(1_000_000 // len(step), 1)  # to limit the memory
     for start_row in range(0, surface.n, chunk):
         rows = np.arange(start_row, min(start_row + chunk, surface.n))
         distances = distances_from_segments(surface.V[rows, None], start, start + step)
@@ -138,17 +136,17 @@ def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> C
 
 
 def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Complexes:
-    """Return the tangential part of a unit direction (3,) as complex numbers (r,) in the frames at vertices `rows`."""
+    """Return the tangential part (r,) of a unit direction (3,), as complex numbers in the frames at vertices `rows`."""
     return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
 
 
-ON_EDGE = 1e-9  # A point is on an edge of a face if its barycentric weight at the opposite corner is smaller.
+ON_EDGE = 1e-9  # A point lies on an edge of a face if its barycentric weight at the opposite corner is smaller.
 
 
 @dataclass(frozen=True, eq=False)
 class GuideLine:
-    """Points (k, 3) of a curve on a surface, metres, in order, and their faces (k,).
-    number : of the guide.    family : the family that gets the member."""
+    """Points (k, 3) of a curve on a surface, metres, in order, and the face (k,) of each.
+    number : number of the guide.    family : the family that gets the member."""
 
     number: int
     family: str
@@ -157,7 +155,7 @@ class GuideLine:
 
     @classmethod
     def from_guides(cls, surface: Surface, guides: Sequence[Guide]) -> "list[GuideLine]":
-        """Return the curves of guides that become members, on the surface and within its boundary.
+        """Return the curves of guides with `member`, projected to the surface, as far as they lie within its boundary.
         Raises PatternError for a curve off the surface."""
         lines = []
         for k, guide in enumerate(guides):
@@ -173,8 +171,9 @@ class GuideLine:
         return lines
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
-        """Return vertices (v,) of faces that the curve passes, and target phases (v,) there, in periods, -1/2 to 1/2.
-        g : (n, 3) unit direction of the phase's gradient, up to sign.    density : (n,) periods per metre."""
+        """Return the vertices (v,) of faces that the curve crosses, and target phases (v,) there, in periods.
+        Phases are -1/2 to 1/2. g : (n, 3) unit direction of their gradient, up to sign. density : (n,) periods per m.
+        """
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
         begin = np.arange(len(self.points) - 1)
@@ -189,20 +188,20 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the share of the curve's points within 5 % of a period of a centre line, a multiple of `step`."""
+        """Return the fraction of the curve's points within 5 % of a period of a centre line (a multiple of `step`)."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))
         return float(((distance < 0.05) & ~phase.singular[self.faces]).mean())
 
     def runs_across(self, directions: Floats) -> bool:
-        """Return True if the curve runs mostly across unit vectors `directions` (m, 3) on the faces."""
+        """Return True if most of the curve runs across unit vectors `directions` (m, 3) on the faces."""
         step = unit_vectors(np.diff(self.points, axis=0))
         return bool((dots(step, directions[self.faces[:-1]]) ** 2).mean() < 0.5)
 
 
 def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density: Floats) -> tuple[Bools, Floats]:
-    """Return vertices (n,) beside the curves of guides, and target phases (n,) there, in periods; 0 elsewhere."""
+    """Return a mask (n,) of vertices beside curves of guides, and target phases (n,) there, in periods; 0 elsewhere."""
     lock, aim = np.zeros(frames.surface.n, dtype=bool), np.zeros(frames.surface.n)
     for line in lines:
         vertices, phase = line.target_phases(frames, g, density)
@@ -211,13 +210,13 @@ def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density:
 
 
 def _points_on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
-    step = surface.mean_edge / 8  # with such steps a curve skips few faces, and only near their corners
+    step = surface.mean_edge / 8  # so the curve skips few faces, near their corners
     points = [curve[:1]]
     for begin, end in pairwise(curve):
         count = max(int(np.ceil(np.linalg.norm(end - begin) / step)), 1)
         points.append(begin + np.linspace(0, 1, count + 1)[1:, None] * (end - begin))
     projection = nearest_places(np.concatenate(points), surface.V, surface.F)
-    edge = np.zeros((surface.m, 3), dtype=bool)  # column c is the edge opposite to corner c
+    edge = np.zeros((surface.m, 3), dtype=bool)  # column c: the edge opposite corner c
     edge[:, [2, 0, 1]] = surface.edges.boundary[surface.edges.of]
     beyond = (
         (_barycentric(surface.V[surface.F[projection.simplex]], projection.place) < ON_EDGE) & edge[projection.simplex]

@@ -1,4 +1,4 @@
-"""Regions that stay material: around loads and supports, along the boundary, and outlines from the user."""
+"""Regions that stay material: around loads and supports, along the boundary, and regions of the user."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,21 +12,21 @@ from dsfab.surface import Distances, Origins, PatternRegion, Surface, geodesic_d
 from dsfab.surface.fields import DividedField, DividedSurface
 from dsfab.surface.topology import link_components
 
-EVEN = 0.01  # Largest error of a region's outline, divided by its reach, because distances are linear on the faces.
+EVEN = 0.01  # Largest error of a region's outline, divided by its reach; distances are linear on faces only roughly.
 SNAP = 0.05
-"""The usual `slicing.snap`: a cut moves an outline through a vertex within this fraction of a mesh edge.
-dsfab halves the edges of the vertex if the outline moves by more than twice `EVEN`."""
+"""The usual `slicing.snap`: a cut moves an outline through a vertex that is this near, as a fraction of a mesh edge.
+dsfab halves the vertex's edges if the outline would move by more than twice `EVEN`."""
 SHORT = 1 / 16
 """Edges under this fraction of the reach are not halved: they lie between two equally near parts of the boundary."""
 FINEST = 1 / 16
-"""Edges under this fraction of their face's longest side are not halved, because tiny parts make a sheet hard to solve.
-Corners of a region are blunt by at most half of this length."""
+"""Edges under this fraction of their face's longest side are not halved: with tiny parts, a sheet is hard to solve.
+This makes the corners of a region blunt by up to half of this length."""
 NEAR = 0.3
-"""An outline of a region moves through a vertex within this fraction of a mesh edge, by at most `EVEN`.
+"""An outline of a region moves through a vertex that is this near, as a fraction of a mesh edge, by at most `EVEN`.
 Otherwise a line close to a vertex would leave very flat triangles."""
 ASIDE = 0.1
-"""An edge is divided at its crossing with an outline if the crossing is within this fraction of the edge's middle.
-A new vertex at the middle would lie too close to the outline."""
+"""An edge is divided where an outline crosses it, if this point is so near to its middle, as a fraction of the edge.
+A new vertex at the middle itself would lie too close to the outline."""
 
 
 def curve_fields(
@@ -34,9 +34,9 @@ def curve_fields(
 ) -> list[Floats | DividedField]:
     """Return the field (n,) of each region: minus the distance along the surface from its origins, metres.
 
-    A region's outline is where its field is minus its reach. Faces at the outline are halved where the distance is not
-    linear. All fields share the divided surface, after at most `rounds` of halving and `most_parts` additional faces.
-    Farther outside than the longest edge, distances are only finite lower bounds."""
+    On a region's outline, its field is minus its reach. Where the distance is not linear, faces at the outline are
+    divided. All fields share the divided surface. The division ends after `rounds` rounds or over `most_parts` new
+    faces. Farther outside than the longest edge, distances are only finite lower bounds."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
         fields = [
@@ -55,7 +55,7 @@ def curve_fields(
 
 
 def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Bools:
-    """Return edges (e',) to halve for any of the regions; edges inside an earlier region need no halving."""
+    """Return a mask (e',) of edges to divide for any of the regions; none inside an earlier region."""
     parts, uncut = divided.surface, divided.whole
     size, sides = parts.edge_lengths, parts.edges.of
     finest, longest = np.zeros(len(size)), uncut.edge_lengths[uncut.edges.of].max(axis=1)
@@ -70,8 +70,8 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
-    """Return the positions (e,) at which to divide edges, from 0 at their first end to 1.
-    An edge is divided where a single outline crosses the edge near the middle (see `ASIDE`), else at the middle."""
+    """Return the positions (e,) at which to divide edges, 0 at their first end and 1 at the other.
+    An edge is divided where a single outline crosses it near the middle (see `ASIDE`), else at the middle."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -91,7 +91,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,); distances near the reach (see `NEAR`) become the reach, unless a whole face is near."""
+    """Return distances (n,); those near the reach (see `NEAR`) become the reach, unless a whole face is near."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -99,7 +99,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return a region's field (n,) on undivided faces; straight distances replace equal distances along the surface."""
+    """Return a region's field (n,) on undivided faces; it uses straight distances if these make no difference."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -117,12 +117,12 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return edges (e,) at the outline of a region along which the distance is not linear, or grows too fast."""
+    """Return a mask (e,) of edges at a region's outline on which the distance is not linear, or grows too fast."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
     farthest = np.maximum(vertex[surface.F[faces]], middle[sides]).max(axis=1)
-    deviation[farthest == 0] = reach  # only a division shows the distances inside faces with all sides on the boundary
+    deviation[farthest == 0] = reach  # if all sides are on the boundary, only a division can show distances
     is_uneven = np.zeros(len(ends), dtype=bool)
     is_uneven[sides[(deviation > EVEN * reach) & (farthest + deviation.max(axis=1) >= reach)[:, None]]] = True
     finite = _finite_distances(vertex, reach)
@@ -133,7 +133,7 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
 
 
 def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
-    """Return the straight distances (n,), metres, to the nearest of faces, edges or vertices with these corners."""
+    """Return the straight distance (n,) to the nearest of faces, edges or vertices, given by their corners; metres."""
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
@@ -144,17 +144,17 @@ def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
 @dataclass(frozen=True, eq=False)
 class RegionBand:
     """A band along the outline of a region, on its inside.
-    outline : the edges between faces in the region and outside, as origins of distances. width : metres.
-    inside : (n,) 1 in the region, 0 on its outline, -1 outside."""
+    outline : edges between faces inside and outside the region, as origins of distances. width : metres.
+    inside : (n,) 1 inside the region, 0 on its outline, -1 outside."""
 
     outline: Origins
     width: float
     inside: Floats
 
     def layer(self, field: Floats | DividedField) -> Layer:
-        """Return the layer of the band; field : minus the distance (n,) from the outline, metres. The layer has two
-        fields and the level 0. Material is where the first field, positive in the region, exceeds the level, and the
-        second field, the distance minus the width, does not (see `dsfab.slicing.cutting.cut`)."""
+        """Return the layer of the band; field : minus the distance (n,) from the outline, metres.
+        The layer has the level 0 and two fields. Material is where the first field, positive inside the region, is
+        above this level, and the second field, distance - width, is not (see `dsfab.slicing.cutting.cut`)."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -164,7 +164,8 @@ class RegionBand:
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
-    """Return solid regions as fields (n,), 0 along the outline. Raises PatternError for a region off the surface."""
+    """Return the solid regions of the user as layers with fields (n,), 0 on the outline.
+    Raises PatternError for a region off the surface."""
     half_width = np.full(surface.n, np.inf)
     return [
         Layer("keep", region_sides(surface, faces), np.zeros(1), half_width)
@@ -173,8 +174,8 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
-    """Return the bands of regions; default width: `rim` (m), or half of the area over the outline's length if `rim` is
-    0. Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
+    """Return the bands of regions; default width: `rim` (m), or half of area / length of the outline if `rim` is 0.
+    Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
         inside = region_sides(surface, faces)
@@ -204,33 +205,33 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
 
 
 def region_sides(surface: Surface, faces: Bools) -> Floats:
-    """Return 1 (n,) at vertices of marked faces (m,), -1 at vertices of unmarked faces, 0 where both meet."""
+    """Return 1 (n,) at vertices of marked faces (m,) only, -1 at vertices of other faces only, 0 where both meet."""
     is_side = np.zeros((2, surface.n), dtype=bool)
     is_side[0, surface.F[faces]] = is_side[1, surface.F[~faces]] = True
     return np.asarray(is_side[0].astype(np.float64) - is_side[1])
 
 
 def outline_edges(surface: Surface, faces: Bools) -> Bools:
-    """Return the edges (e,) between marked faces (m,) and unmarked faces."""
+    """Return a mask (e,) of the edges between marked faces (m,) and other faces."""
     marked = np.bincount(surface.edges.of[faces].ravel(), minlength=len(surface.edges.ends))
     return np.asarray((marked > 0) & (marked < surface.edges.count))
 
 
 def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
-    """Return the distance (n,) along the surface, metres, to the boundary; too large or infinite beyond the reach."""
+    """Return the distance (n,) to the boundary along the surface, metres; not valid beyond `reach`."""
     return geodesic_distances(surface, boundary_origins(surface), reach).vertex
 
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
-    """Return the distance (n,), metres, to marked vertices and the edges and faces between them. The distance to a
-    patch is straight; the distance to points and curves is along the surface, as in `distance_to_boundary`."""
+    """Return the distance (n,) to marked vertices and to the edges and faces between them, metres.
+    It is straight to a patch, but along the surface to points and curves, as in `distance_to_boundary`."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
 
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
-    """Return marked vertices (n,) of patches, which have marked faces; other marked vertices form points and curves.
+    """Return a mask (n,) of marked vertices in patches, which have marked faces; others form points and curves.
     A face with three boundary vertices, or an inner edge with two, is not marked, because both depend on the mesh."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
@@ -238,7 +239,7 @@ def patches(surface: Surface, vertices: Bools) -> Bools:
 
 
 def distance_to_patches(surface: Surface, vertices: Bools) -> Floats:
-    """Return the straight distance (n,), metres, to marked vertices and to the edges and faces between them."""
+    """Return the straight distance (n,) to marked vertices and to the edges and faces between them, metres."""
     ends = surface.edges.ends
     faces, edges = surface.F[vertices[surface.F].all(axis=1)], ends[vertices[ends].all(axis=1)]
     return euclidean_distances(surface, (faces, edges, np.flatnonzero(vertices)[:, None]))
@@ -251,7 +252,7 @@ def boundary_origins(surface: Surface) -> Origins:
 
 
 def curve_origins(surface: Surface, vertices: Bools) -> Origins:
-    """Return marked vertices (n,), without `patches`, and the edges between them, as origins of distances."""
+    """Return marked vertices (n,) outside `patches`, and the edges between them, as origins of distances."""
     edges, _ = _spanned_parts(surface, vertices)
     return Origins(vertices, edges, np.zeros(surface.m, dtype=bool))
 
@@ -272,9 +273,9 @@ def _edge_ends(surface: Surface, edges: Bools) -> Bools:
 def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
-    """Return the layers of kept material: user regions, `keep` metres around marked vertices (n,), a `rim` in metres.
+    """Return the layers of kept material: regions of the user, `keep` metres around marked vertices (n,), a `rim`.
     The outline around a patch is straight on each face, because the patch itself has the ragged edge of its faces.
-    Around points and along curves the outline is smooth, see `curve_fields`. Regions of the user end at edges of the
+    Around points and curves the outline is smooth, see `curve_fields`. Regions of the user end at edges of the
     surface, because dsfab has cut the surface along their outlines."""
     patch = patches(surface, marked)
     regions = []

@@ -1,4 +1,4 @@
-"""Layers of a pattern: fields and their levels, for stripes on modes or evenly spaced; the share of material."""
+"""Layers of a pattern: fields and levels of stripes, on modes or evenly spaced; and the fraction of material."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,11 +19,11 @@ from dsfab.surface.mesh import Surface
 
 class Layer(NamedTuple):
     """A field, and the levels at which its values change between material and openings.
-    With values (n,), material lies above an odd number of levels; for values (n, 2) see `Stripes.band`. The field may
-    be at corners, or on parts of faces.
+    Values (n,) are material if an odd number of levels lies below them. For values (n, 2) see `Stripes.band`. The
+    field may also be a corner field, or be linear on parts of faces.
 
     half_width : (n,) d in periods, for shaders.
-    closed     : (n,) an opening becomes material if the mean of these values in the opening exceeds 0; None: never."""
+    closed     : (n,) values or None; an opening becomes material if their mean in the opening is positive."""
 
     name: str
     field: Floats | CornerField | DividedField
@@ -34,7 +34,7 @@ class Layer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ModeFamily:
-    """Stripes on a mode x (n,), with the slope and stress that decide their widths.
+    """Stripes on a mode x (n,); slope and stress decide their widths.
     slope : (n,) |grad z|, periods per metre.    stress : (n,) size of the stress along the stripes; any unit."""
 
     name: str
@@ -47,7 +47,7 @@ class ModeFamily:
     def from_mode(
         cls, surface: Surface, name: str, stripes: Stripes, x: Floats, stress: Floats | None = None, radius: float = 0.0
     ) -> "ModeFamily":
-        """Return the family, its slope averaged over a radius in metres; the default stress (n,) is 1 everywhere."""
+        """Return the family, with its slope averaged over a radius in metres; default stress (n,): 1 everywhere."""
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
@@ -56,7 +56,7 @@ class ModeFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return d (n,), in periods."""
+        """Return half widths d (n,), in periods."""
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
     adds = 0  # see `DrawableFamily`
@@ -67,7 +67,7 @@ class ModeFamily:
         return self.slope
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the family as one layer, with a single field if the width does not vary, else with two fields."""
+        """Return the family as one layer, with one field if all widths are equal, else with two fields."""
         d = self.half_widths(widths, factor)
         if widths.vary:
             return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
@@ -77,7 +77,7 @@ class ModeFamily:
 class DrawableFamily(Protocol):
     """A family of stripes, on a mode or evenly spaced.
     density : (n,) stripes per metre. stress : (n,) size of the stress along the stripes; any unit.
-    adds : place of the family in the order in which families add finer stripes."""
+    adds : position of the family in the order in which families add finer stripes."""
 
     @property
     def adds(self) -> int: ...
@@ -99,20 +99,20 @@ class DrawableFamily(Protocol):
         ...
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return d (n,), in periods."""
+        """Return half widths d (n,), in periods."""
         ...
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the layers: first stripes that run everywhere, then finer stripes in the openings between them.
-        closing : factor that decides which openings close as a whole, by default `factor`. With a fixed `closing` the
-                  share of material does not jump as `factor` grows."""
+        """Return the layers: first stripes that exist everywhere, then finer stripes in the openings between them.
+        closing : factor that decides which openings become material as a whole; default `factor`. With a fixed
+                  `closing`, the fraction of material does not jump as `factor` grows."""
         ...
 
 
 def stripe_layers(
     families: Sequence[DrawableFamily], widths: Widths, factor: float = 1.0, closing: float = 0.0
 ) -> list[Layer]:
-    """Return the layers of all families: stripes that run everywhere, then finer stripes, in the order of `adds`."""
+    """Return the layers of all families: stripes that exist everywhere, then finer stripes, in the order of `adds`."""
     family_layers = [(family.adds, family.layers(widths, factor, closing)) for family in families]
     return [layers[0] for _, layers in family_layers] + [
         layer for _, layers in sorted(family_layers, key=itemgetter(0)) for layer in layers[1:]
@@ -120,9 +120,9 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the factor on graded widths at which the families keep the mean duty (share of material) of their
-    thresholds. All families have one factor: the family with the larger stress gets the larger share. Bounds in metres
-    apply afterwards. Raises PatternError if too little of the surface is stressed for that."""
+    """Return the factor on graded widths with which the families have the same mean duty as by their thresholds.
+    Duty is the fraction of material. All families have the same factor, so more stress gives more material. Bounds in
+    metres apply afterwards. Raises PatternError if too little of the surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
     def duty(factor: float) -> float:
@@ -133,15 +133,15 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Ratios of a member's width to the crowded width: up to the first ratio, members become thinner so that openings stay.
-From the second ratio on members merge, as around a load. The limits apply only to openings that do not close as a whole
+"""Ratios of a member's width to the crowded width. Up to the first, members become thinner, so that openings stay.
+From the second on, members merge, as around a load. Both apply only to openings that do not become material as a whole
 (`Layer.closed`)."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
 """`CLOSING_WIDTHS` for widths that follow the stress, because stressed places need material.
-With `CLOSING_WIDTHS` a dome at half of its material is 5 % softer."""
+With `CLOSING_WIDTHS`, a dome with half of its material is 5 % softer."""
 WHOLE = 1.3
-"""Ratio of the mean width to the crowded width at which an opening closes as a whole.
-If widths follow the stress, this ratio is the mean of `FOLLOWING_WIDTHS`. With 1.5 the crown of a dome under a point
+"""Ratio of the mean width to the crowded width at which an opening becomes material as a whole.
+If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces it. With 1.5, the crown of a dome under a point
 load stays open, and the dome is 2 % softer."""
 WIDTH_RULES = {
     "solid": SOLID,
@@ -150,19 +150,19 @@ WIDTH_RULES = {
     "closing": CLOSING_WIDTHS,
     "following": FOLLOWING_WIDTHS,
 }
-"""The limits above for the editor's page, which shows widths while a slider moves."""
+"""The limits above for the editor's page, which shows widths as the user moves a slider."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
-    """Stripes with centre lines at integers of a phase; after halvings, at some of these integers only, see `wanted`.
+    """Stripes with centre lines where a phase is a whole number; halvings remove some of these lines, see `wanted`.
 
-    phase   : at the corners, with all possible lines.
-    wanted  : for each round of halving, from the finest lines on: (m,) share of each face in which the round's lines
-              are drawn. Lines at multiples of 2^len(wanted) run everywhere.
-    slope   : (n,) lines per metre of the phase.    density : (n,) drawn lines per metre.
+    phase   : at the corners, with all lines before halving.
+    wanted  : for each halving, from the finest lines on: (m,) fraction of each face in which this halving's lines
+              remain. Lines at multiples of 2^len(wanted) remain everywhere.
+    slope   : (n,) lines of the phase per metre.    density : (n,) remaining lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
-    whole   : true if an opening between crowded members closes as a whole, false if only its narrow parts close."""
+    whole   : True if openings between crowded members become material as a whole, False if narrow parts only."""
 
     name: str
     stripes: Stripes
@@ -179,12 +179,13 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return d (n,), in periods of the drawn lines. Members too close together become thinner, so that a slit stays
-        open; if they are still closer, they merge, see `CLOSING_WIDTHS`. The rule `plain` has no such changes."""
+        """Return half widths d (n,), in periods of the remaining lines.
+        Members too close together become thinner, so that a slit stays open; still closer members merge, see
+        `CLOSING_WIDTHS`. The rule `plain` does neither."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the coarse stripes, which run everywhere, then finer and finer stripes."""
+        """Return the coarse stripes, which exist everywhere, then finer and finer stripes."""
         requested = self._requested_half_widths(widths, factor)
         local = self._closed_half_widths(requested, widths)
         opened, closed = local, None
@@ -204,7 +205,7 @@ class EvenFamily:
         return layers
 
     def _requested_half_widths(self, widths: Widths, factor: float) -> Floats:
-        """Return half-widths (n,), in periods of the drawn lines, before narrow openings change them."""
+        """Return half widths (n,), in periods of the remaining lines, before narrow openings change them."""
         rule = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
         return rule.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
@@ -212,7 +213,7 @@ class EvenFamily:
         return max(SLIT, CROWDING * float(np.median(requested)))
 
     def _open_half_widths(self, requested: Floats, widths: Widths) -> Floats:
-        """Return half-widths (n,) at which openings stay open, except openings that `widths.min_gap` closes."""
+        """Return half widths (n,) at which openings stay open, except those narrower than `widths.min_gap`."""
         d = np.minimum(requested, self._crowded_half_width(requested))
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
@@ -236,14 +237,14 @@ class EvenFamily:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """Return half-widths (n,) in periods of the phase, from half-widths `local` in periods of the drawn lines.
-    If drawn neighbours touch, all space between the coarsest lines is material."""
+    """Return half widths (n,) in periods of the phase, from `local` half widths in periods of the remaining lines.
+    If neighbours touch, all space between the coarsest lines is material."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 
 def face_points(side: int = 3) -> Floats:
     r"""Return barycentric coordinates (side^2, 3): the centroids of equal triangles that divide a face.
-    side = 2:    .         three upright triangles and one upside down
+    side = 2:    .         three upright triangles, and one upside down
                 /_\
                /_\/_\
     """
@@ -255,13 +256,13 @@ def face_points(side: int = 3) -> Floats:
 
 
 def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -> Bools:
-    """Return (m, p), True for points in faces that a layer makes material; points : (p, 3) barycentric coordinates."""
+    """Return a mask (m, p) of points in faces that a layer makes material; points : (p, 3) barycentric coordinates."""
     is_material = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # point by point, because only the cut knows whole openings
+            if layer.closed is not None:  # by points: only the cut knows openings
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -282,18 +283,18 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
 
 
 def _is_drawn(field: CornerField) -> Bools:
-    """Return faces (m,) on which a field is drawn, each face as a whole; the cut is more accurate."""
+    """Return a mask (m,) of faces on which a field applies, each face as a whole; the cut is more accurate."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
-    """Return a function that estimates, by counting points, the share of the surface that layers cover. Layers begin
-    with the kept layers, which are counted once. The error is a few thousandths; a cut takes ten times as long."""
+    """Return a function that estimates the fraction of the surface that layers cover, from sample points.
+    Its layers begin with `kept_layers`, which are counted once. The error is about 0.003; a cut is ten times slower."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 
     def share(layers: Sequence[Layer]) -> float:
-        with one_blas_thread():  # for narrow matrices two threads need sixty times as long as one thread
+        with one_blas_thread():  # for narrow matrices, two threads take sixty times as long
             stripes = material_points(surface, layers[len(kept_layers) :], points)
         return float((kept_points | stripes).mean(axis=1) @ surface.areas / surface.area)
 

@@ -1,4 +1,4 @@
-"""Phases of evenly spaced stripes: complex numbers at vertices, and corner phases that are linear on each face."""
+"""Phases of evenly spaced stripes: as complex numbers at vertices, and linear on each face (corner phases)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,16 +16,16 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration times the squared spacing: it makes the matrix definite and keeps its eigenvectors."""
-FLOW = 0.25  # A round of diffusion lasts the time 1 / tau with tau = `FLOW` (2 pi / spacing)^2.
+"""Shift of the inverse iteration, times the squared spacing: it makes the matrix definite, with equal eigenvectors."""
+FLOW = 0.25  # A step of diffusion has the duration 1 / tau, with tau = `FLOW` (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
-"""A locked phase within this number of periods of its target becomes the target, so that edges get straight members."""
-LOCK = 3.0  # Weight of a locked phase, as a multiple of (2 pi / spacing)^2.
+"""A locked phase this near to its target, in periods, becomes the target, so that edges get straight members."""
+LOCK = 3.0  # Weight of a locked phase, divided by (2 pi / spacing)^2.
 
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """Gradient that the phase of a family follows.
+    """The gradient that a family's phase shall have.
     g : (n, 3) unit direction of the gradient at the vertices, up to sign. density : (n,) periods per metre."""
 
     frames: Frames
@@ -34,13 +34,13 @@ class Flow:
 
     @cached_property
     def sign(self) -> Floats:
-        """Sign (e,): 1 if g points to the same side at both ends of an edge, else -1."""
+        """(e,) 1 if g points to the same side at both ends of an edge, else -1."""
         i, j = self.frames.ends.T
         return self.frames.sides(self.g, i, j)
 
     @cached_property
     def turn(self) -> Floats:
-        """Growth (e,) of the phase along each edge, periods, from the first end and with the sign of g at that end."""
+        """(e,) growth of the phase along each edge, from its first end and with the sign of g there, periods."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -48,7 +48,7 @@ class Flow:
 
     @cached_property
     def coupling(self) -> Complexes:
-        """Coupling of the phases (e,) at both ends of the edges; see `Frames.coupling`."""
+        """(e,) coupling of the phases at both ends of the edges; see `Frames.coupling`."""
         return self.frames.coupling(-2 * np.pi * self.turn)
 
     def solve(
@@ -60,18 +60,18 @@ class Flow:
         free: bool = False,
         rounds: int = 10,
     ) -> Floats:
-        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2, each with the sign of g at its vertex.
+        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2; the sign of each is that of g at its vertex.
 
-        The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
-        the edges of weight w, with psi_i conjugated if g is reversed. The first minimum is over all psi with a common
-        norm. The second minimum is over psi of size 1 everywhere, by diffusion and normalisation in turns [Merriman,
-        Bence, Osher 1992; on phases Viertel, Osting 2019].
+        The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2
+        over edges of weight w. If g is reversed along an edge, psi_i is conjugated. The first minimum is for all psi
+        with a common norm. The second minimum is for psi of size 1 everywhere. Steps of diffusion and normalisation
+        alternate [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
 
-        start : (n,) start of the iteration; without locked vertices, a line runs through its peak.
+        start : (n,) start of the iteration; without locked vertices, a line passes through its peak.
         lock  : (n,) vertices on the centre line of a stripe.
-        aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; 0 by default.
-        free  : true to begin without locked vertices, because phases that start from two of these may not fit together.
-        rounds : number of rounds of diffusion and normalisation, in which pairs of dislocations meet and vanish."""
+        aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; default 0.
+        free  : True to begin without locked vertices, because phases that start from two of these may not fit together.
+        rounds : number of steps of diffusion and normalisation; during these, pairs of dislocations meet and vanish."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
@@ -96,9 +96,9 @@ class Flow:
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
-    """Return the result (n,) of 20 inverse iterations with B from start (n,), approximated to 1e-5 by 12 solves.
-    More iterations are useless, because the lowest eigenvectors are almost equally good. B conjugates some numbers, and
-    is linear only for their real and imaginary parts."""
+    """Return the result (n,) of 20 inverse iterations with B from start (n,), with an error of 1e-5 after 12 solves.
+    More iterations are useless, because several eigenvectors are almost equally good. B conjugates some numbers, and
+    so is linear only for their real and imaginary parts."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
     )
@@ -113,10 +113,10 @@ def _complex_numbers(x: Floats) -> Complexes:
     return np.ascontiguousarray(x).view(np.complex128)
 
 
-@one_blas_thread()  # on two busy cores, threads took three times as long for products of vectors
+@one_blas_thread()  # two threads took three times as long for products of vectors
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
     """Return B^power x, with norm 1 for the mass (N,), from the Krylov space of `products` products with a linear B.
-    Arnoldi's method [Saad 1992] writes B as a small matrix H on an orthonormal basis of B x, B B x, ..., and takes
+    Arnoldi's method [Saad 1992] writes B as a small matrix H, on an orthonormal basis of B x, B B x, ..., and computes
     powers of H. With as many products as powers the result is exact."""
     basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
@@ -128,7 +128,7 @@ def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: 
                 H[j, k] += share
                 rest = rest - share * q
         H[k + 1, k] = np.sqrt(rest @ (mass * rest))
-        if H[k + 1, k] <= 1e-12 * H[k, k]:  # the basis spans the whole space
+        if H[k + 1, k] <= 1e-12 * H[k, k]:  # the basis is complete
             H = H[: k + 1, : k + 1]
             break
         basis.append(rest / H[k + 1, k])
@@ -145,7 +145,7 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
-    """Return phases (n,), in periods, shifted by half a period if this brings more weight (n,) onto centre lines.
+    """Return phases (n,), in periods, shifted by half a period if then more weight (n,) lies on centre lines.
     `Flow.solve` finds both phases equally good, because both have the same sum of squares. Shifts by 1/2 and by -1/2
     are equal, so signs of phases do not matter. Phases stay if the weighted mean of their cosine is above -0.02."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
@@ -159,10 +159,10 @@ def _unit_numbers(x: Complexes) -> Complexes:
 
 @dataclass(frozen=True, eq=False)
 class CornerPhase:
-    """A phase of stripes on a surface, with centre lines at its integers.
+    """A phase of stripes on a surface, a whole number on centre lines.
     value    : (n,) at the vertices, periods.
-    sign     : (m, 3) 1 or -1, and shift : (m, 3) integers: the phase of a face at its corner is sign * value + shift.
-    singular : (m,) faces in which a stripe ends or the direction reverses, so that the phase is meaningless.
+    sign     : (m, 3) 1 or -1, and shift : (m, 3) whole numbers: a face's corner has the phase sign * value + shift.
+    singular : (m,) faces in which a stripe ends or the direction reverses, so the phase has no meaning.
     broken   : number of faces in which a stripe ends."""
 
     value: Floats
@@ -177,7 +177,7 @@ class CornerPhase:
 
     @property
     def field(self) -> CornerField:
-        """The phase as a field with integer levels."""
+        """The phase as a corner field; its levels are whole numbers."""
         return CornerField(self.value[:, None], self.sign, self.shift, self.singular)
 
     def corners(self, surface: Surface) -> Floats:
@@ -189,13 +189,13 @@ class CornerPhase:
         return np.asarray(np.einsum("mcx,mc->mx", hat_gradients(surface), self.corners(surface)))
 
     def times(self, factor: int) -> "CornerPhase":
-        """Return the phase with `factor` stripes in place of each stripe; factor is an integer."""
+        """Return the phase with `factor` stripes in place of each stripe; `factor` is a whole number."""
         return replace(self, value=factor * self.value, shift=factor * self.shift)
 
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
-    """Return the phases (n,), in periods, of `Flow.solve` as a phase at the corners of the faces.
-    alternative : function that returns other phases (n,), called only if stripes end within faces. Its phases replace
+    """Return the phases (n,) of `Flow.solve`, in periods, as a phase at the corners of the faces.
+    alternative : function that returns other phases (n,); called only if stripes end within faces. Its phases replace
                   `phase` if stripes then end in fewer faces."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
@@ -204,15 +204,16 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
-    """Return phases (n,) at the corners of each face, without regard to its neighbours. From corner to corner a phase
-    grows by the value nearest to `flow.turn`. A face is singular unless the phase returns to its start and its sign."""
+    """Return phases at the corners of each face from `phase` (n,), without regard to its neighbours.
+    From corner to corner, a phase grows by the possible value nearest to `flow.turn`. A face is singular unless the
+    phase returns to its start and its sign."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
-    forward = i[edge] == F  # half-edges in the direction of their edge
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # in the sign of g at its start
+    forward = i[edge] == F  # half-edges with their edge's direction
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # with the sign of g at the start
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -228,13 +229,13 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with equal signs and periods in adjacent faces, carried from face to face from a first face.
+    """Return the phase with equal signs and periods in adjacent faces; a search carries both from face to face.
     In adjacent faces f and g, z_f = s z_g + q holds at the corner where their half-edge h0 starts."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
     starts_at_h0 = surface.F.ravel()[h0] != surface.F.ravel()[h1]
-    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # the corner of g at which h0 starts
+    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # where h0 starts, in g
     s = sign[h0] * sign[corner_g]  # z_f = s z_g + q
     q = shift[h0] - s * shift[corner_g]
     is_regular = ~(phase.singular[f] | phase.singular[g])
@@ -255,14 +256,14 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set signs and shifts (m,) of the faces in the `order` of a search from a first face, by pointer doubling.
-    Each face has its sign and shift relative to an earlier face. Each round halves the paths to the first face."""
+    """Set signs and shifts (m,) of the faces, in the `order` in which a search from a first face reached them.
+    At first, each face has its sign and shift relative to an earlier face. Each step halves the paths to the first."""
     child = order[1:]
     if not len(child):
         return
     parent = predecessor[child]
     entry = np.asarray(link[parent, child]).ravel()
-    index, forward = np.abs(entry) - 1, entry > 0  # forward: parent is f, child is g: z_parent = s z_child + q
+    index, forward = np.abs(entry) - 1, entry > 0  # forward: z_parent = s z_child + q
     step_sign, step_shift = s[index], np.where(forward, q[index], -s[index] * q[index])
     place = np.empty(len(predecessor), dtype=np.int64)
     place[order] = np.arange(len(order))
@@ -276,7 +277,7 @@ def _propagate(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with the value of a vertex from its first face: signs are 1 and shifts 0 except along seams."""
+    """Return the phase with each vertex's value as its first face sees it: signs 1 and shifts 0, except at seams."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

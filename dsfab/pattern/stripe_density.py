@@ -1,8 +1,8 @@
 """Stripes per metre, as even as possible for stripes with a given direction.
 
-Stripes with gradients along g do not end if their density e^u has curl(e^u g) = 0. So stripes spread where directions
-diverge, and crowd where directions meet. The equation determines only the derivative of u along the stripes [cf. the
-curl-free frame fields of Diamanti et al. 2015; least squares here]."""
+Stripes with gradients along g do not end if their density e^u has curl(e^u g) = 0. So they spread where directions
+diverge, and crowd where directions meet. The equation determines only the derivative of u along the stripes, by least
+squares [cf. the curl-free frame fields of Diamanti et al. 2015]."""
 
 from typing import NamedTuple
 
@@ -13,19 +13,19 @@ from dsfab.pattern.frames import Frames, corner_sums
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-SMOOTH = 0.02  # Weight of |grad u|^2, which determines u in regions of unclear direction.
+SMOOTH = 0.02  # Weight of |grad u|^2, which determines u where directions are unclear.
 EVEN = 0.3
-"""Weight of u^2, divided by the area of the surface: it keeps the density near its mean where nothing else decides."""
-RANGE = (-2.0, 1.5)  # Bounds of u without halving, because u diverges at singular points of the field.
+"""Weight of u^2, divided by the area of the surface: it keeps the density near its mean."""
+RANGE = (-2.0, 1.5)  # Bounds of u without halving; u is infinite at singular points of the field.
 COARSE_RANGE = (-1.0, 3.0)
-"""Bounds of u with halving; the upper bound is larger, because halving lowers large densities."""
+"""Bounds of u with halving, which lowers large densities, so the upper bound is larger."""
 MOST_HALVINGS = 3
 
 
 def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
-    """Return u (n,), the logarithm of the relative density of stripes with gradients along g (n, 3), median 0.
-    On each face, with signs of g aligned at its corners, p . grad u = curl g / |mean g| along the stripe, p = n x g.
-    confidence : (m,) weight of this equation, 0 to 1."""
+    """Return u (n,), the logarithm of the relative density of stripes with gradients along g (n, 3); its median is 0.
+    The equation on each face, with equal signs of g at its corners: p . grad u = curl g / |mean g|, where p = n x g is
+    the direction of the stripe. confidence : (m,) weight of this equation, 0 to 1."""
     surface = frames.surface
     grad = hat_gradients(surface)
     corners = g[surface.F]
@@ -47,14 +47,14 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
     diagonal = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
     right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
-    # a complex matrix reuses the analysis for the phases; a new analysis costs more time than zero imaginary parts
+    # a complex matrix has the pattern that is already analysed for the phases, which saves time
     u = frames.twisted_factors.hermitian(coupling.astype(complex), diagonal)(right.astype(complex)).real
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 
 
 class Halving(NamedTuple):
-    """Numbers of times that the density of lines is halved, at each vertex the integer below `wish` (n,).
-    most, wish : largest number; wanted number, a real number from 0 to `most`.    free : `wish` without these bounds.
+    """Numbers of times that the density of lines is halved, at each vertex the whole number below `wish` (n,).
+    most : largest number.    wish : (n,) ideal numbers, from 0 to `most`.    free : (n,) the same without bounds.
     limits     : bounds of the logarithm of the density before halving."""
 
     most: int
@@ -64,19 +64,18 @@ class Halving(NamedTuple):
 
     @property
     def times(self) -> Floats:
-        """Number of halvings at each vertex (n,), an integer from 0 to `most`."""
+        """(n,) number of halvings at each vertex, a whole number from 0 to `most`."""
         return np.floor(self.wish)
 
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
-    """Return the halvings that make the spacing of stripes most even, from the logarithm u (n,) of their density.
-    The search for the least density after halving runs from the median to a quarter of the median, in factors of
-    2^(1/20). The best has the smallest ratio of two spacings: 5 % of the surface have wider, and 5 % narrower spacing.
-    Each halving must lower this ratio by 5 %, because halvings end members. The densest 2 % of the area do not count.
-    """
+    """Return the halvings that make the spacing of stripes most even; u : (n,) logarithm of their density.
+    The function tries smallest densities after halving, from the median to a quarter of it, in factors of 2^(1/20).
+    The best one has the smallest ratio of the P95 to the P5 of the spacing. Each halving must reduce it by 5 %,
+    because halvings end members. The densest 2 % of the area do not count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
-    ascending = np.argsort(u, kind="stable")  # quantiles of sorted values are fast
+    ascending = np.argsort(u, kind="stable")  # makes the quantiles fast
     sorted_u, sorted_mass = u[ascending], mass[ascending]
 
     def ratio(limit: float) -> float:
@@ -98,7 +97,7 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
-    """Return periods per metre (n,) of the phase, so that lines are `spacing` metres apart on average after halving."""
+    """Return periods of the phase per metre (n,), so that lines after halving are `spacing` metres apart on average."""
     w = np.exp(np.clip(u, *halved.limits))
     remaining = w / 2**halved.times
     mean = float(surface.vertex_areas @ remaining) / surface.area

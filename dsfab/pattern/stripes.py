@@ -1,4 +1,4 @@
-"""`Stripes`: one family of material stripes on one mode, and the triangle wave (paper, section 3.5)."""
+"""`Stripes`: a family of material stripes on a mode, and the triangle wave (paper, section 3.5)."""
 
 from dataclasses import dataclass, replace
 
@@ -9,25 +9,25 @@ from dsfab.core.errors import PatternError
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"  # `wave` for shaders.
+GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"  # The function `wave` for shaders.
 
 
 def wave(t: Floats) -> Floats:
-    """Return p(t) = 4 |fract(t) - 1/2| - 1 of t (...)."""
+    """Return the triangle wave p(t) = 4 |fract(t) - 1/2| - 1 of t (...)."""
     return np.asarray(4 * np.abs(t - np.floor(t) - 0.5) - 1)
 
 
 def half_width(threshold: float) -> float:
-    """Return d = (1 - threshold) / 4, in periods: p(t) > threshold exactly if |t - k| < d for an integer k."""
+    """Return d = (1 - threshold) / 4, in periods: p(t) > threshold where t is within d of a whole number."""
     return (1 - threshold) / 4
 
 
 @dataclass(frozen=True)
 class Stripes:
-    """Material where p(frequency x + phase) > threshold, p the triangle wave.
+    """Material where p(frequency x + phase) > threshold; p is the triangle wave, and x the mode.
     frequency : stripes per unit of the mode; positive.
     phase     : shift in periods.
-    threshold : -1 (everything is material) to 1 (everything is void); 0 makes half of each period material.
+    threshold : -1 (everything is material) to 1 (everything is void); with 0, half of each period is material.
     Raises PatternError for other values."""
 
     frequency: float
@@ -44,53 +44,53 @@ class Stripes:
 
     @property
     def half_width(self) -> float:
-        """Half-width d in periods: 0 (no material) to 0.5 (all material)."""
+        """Half width d in periods: 0 (no material) to 0.5 (all material)."""
         return half_width(self.threshold)
 
     def with_width_factor(self, factor: float) -> "Stripes":
-        """Return stripes whose half-width is `factor` times as large, up to 0.5."""
-        if factor == 1:  # without rounding errors
+        """Return stripes whose half width is `factor` times as large, up to 0.5."""
+        if factor == 1:  # avoids rounding errors
             return self
         return replace(self, threshold=1 - 4 * min(factor * self.half_width, 0.5))
 
     def phases(self, x: Floats) -> Floats:
-        """Return z = frequency x + phase of x (...), with centre lines at integers."""
+        """Return the phase z = frequency x + phase of x (...), a whole number on centre lines."""
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d and z - d (n, 2) for half-widths d (n,): a point is material if an integer lies between both."""
+        """Return z + d and z - d (n, 2), for half widths d (n,): material has a whole number between both."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return all integers (k,) in the range of z over x (n,), and beyond: the levels of `band`."""
+        """Return the whole numbers (k,) in the range of z for x (n,), and one or two more: the levels of `band`."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 
     def value(self, x: Floats) -> Floats:
-        """Return s(x) = p(frequency x + phase) - threshold of x (...): positive in the material."""
+        """Return p(frequency x + phase) - threshold of x (...): positive in the material."""
         return wave(self.frequency * x + self.phase) - self.threshold
 
     def levels(self, x: Floats) -> Floats:
-        """Return ascending values (k,) of the mode at the edges of material, over the range of x (n,).
-        In phase z = frequency x + phase material is |z - k| < d for integers k, so it begins at every k - d and ends at
-        every k + d: an odd number of levels lies below material."""
+        """Return the values (k,) of the mode at the edges of stripes, in the range of x (n,), ascending.
+        Material lies where the phase z is within d of a whole number k: from each k - d to k + d. So an odd number of
+        levels lies below material."""
         d = self.half_width
         if d == 0:
             return np.empty(0)
-        if d >= 0.5:  # stripes touch, so all values are above the only level
+        if d >= 0.5:  # all material: above a single level
             return np.array([x.min() - 1.0 / self.frequency])
         k = self.middles(x)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
 
 
 def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
-    """Return the frequency at which centre lines of stripes on a mode x (n,) are `spacing` metres apart on average.
-    The mean distance is the area over the length of the centre lines, z = k for integers k. The mean of this length
-    over all phases is the integral of |grad z|: the co-area formula [Federer 1959]. The mean grows with the frequency.
-    Raises PatternError for a constant mode."""
+    """Return the frequency at which centre lines of stripes on a mode x (n,) have the mean distance `spacing` (metres).
+    The mean distance is the area divided by the length of the centre lines. The mean of this length for all phases is
+    the integral of |grad z|: the co-area formula [Federer 1959]. The length grows with the frequency. Raises
+    PatternError for a constant mode."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
-    lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres of lines per unit of frequency
+    lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres per unit of frequency
     if not lines * spacing > 0:
         raise PatternError("spacing needs a mode that is not constant, and a positive length in metres")
     return surface.area / (spacing * lines)

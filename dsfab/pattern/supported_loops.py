@@ -1,4 +1,4 @@
-"""Rings and rays of stripes around small supported loops: heads of columns, and eyes that a surface hangs from."""
+"""Rings and rays of stripes around small supported loops: heads of columns, and openings that a surface hangs from."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -15,24 +15,24 @@ from dsfab.surface import Surface, geodesic_distances
 from dsfab.surface.fields import hat_gradients
 
 REACH = 1.5
-"""Distance from a small loop within which stripes form rings and rays, over the spacing of stripes. In a hall on nine
-columns, the singular points of the stress lie up to 1.2 spacings beside the heads of the outer columns."""
+"""Distance from a small loop within which stripes form rings and rays, divided by the spacing of stripes.
+In a hall on nine columns, singular points of the stress lie up to 1.2 spacings from the outer columns."""
 PULL = 100.0
 """Weight of a small loop at its edge, which overrules the stress (see `Guide.weight`); it falls to 0 at `REACH`."""
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
-    """Return the boundary loops (k,) with a mean radius below the spacing (m) of stripes, all of whose vertices are
-    `supported` (n,): fewer than seven stripes would end on each loop."""
+    """Return boundary loops (k,) with a mean radius below the spacing (m), if all their vertices are `supported` (n,).
+    Fewer than seven stripes would end on such a loop."""
     loops = [loop for loop in surface.loops if supported[loop].all()]
     return [loop for loop in loops if polygon_perimeter(surface.V[loop]) < 2 * np.pi * spacing]
 
 
 @dataclass(frozen=True, eq=False)
 class LoopSurroundings:
-    """The surroundings of a small supported loop, in which one family forms rings, the other family rays.
+    """The surroundings of a small supported loop: one family forms rings, the other family rays.
     weight : (n,) weight at the vertices.    ray : (n,) square of the unit direction of rays, complex in the vertices'
-    frames.    outwards : (m, 3) unit direction away from the loop; 0 beyond the reach."""
+             frames.    outwards : (m, 3) unit direction away from the loop; 0 beyond the reach."""
 
     weight: Floats
     ray: Complexes
@@ -40,7 +40,7 @@ class LoopSurroundings:
 
     @classmethod
     def from_support(cls, frames: Frames, supported: Bools, spacing: float) -> tuple[Self, ...]:
-        """Return the surroundings of each loop of `small_loops`; arguments as for that function."""
+        """Return the surroundings of each loop of `small_loops`, which has the same arguments."""
         surface, reach, surroundings = frames.surface, REACH * spacing, []
         for loop in small_loops(surface, supported, spacing):
             on_loop = np.isin(np.arange(surface.n), loop)
@@ -54,7 +54,7 @@ class LoopSurroundings:
         return tuple(surroundings)
 
     def guidance(self, frames: Frames, stress: StressDirections, turn: float) -> Guidance:
-        """Return the directions around the loop. Rays belong to the family with the larger mean stress along rays.
+        """Return the directions around the loop. The family with the larger mean stress along rays becomes the rays.
         turn : rotation of both families, radians, as for `cross_field`."""
         surface, cosine = frames.surface, dots(stress.direction[:, 0], self.outwards)
         ray_minus_ring_stress = (stress.stress[:, 0] - stress.stress[:, 1]) * (2 * cosine**2 - 1)

@@ -1,4 +1,4 @@
-"""`Images`: symmetric stripes, by averages of directions, densities and phases over the images of each point."""
+"""`Images`: makes stripes symmetric, by averaging directions, densities and phases over the images of each point."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from dsfab.core.arrays import Bools, Complexes, Floats, Ints
 from dsfab.pattern.frames import Frames, dots
 
 Projection = Callable[[Complexes], Complexes]
-"""Function from complex numbers (n,) at the vertices to the nearest symmetric field."""
+"""A function that turns complex numbers (n,) at the vertices into the nearest symmetric field."""
 
 
 @dataclass(frozen=True, eq=False)
 class Images:
     """A group of rotations and mirrors of a surface, and the images of its vertices.
     R     : (g, 3, 3) orthogonal matrices, the identity first.
-    maps  : g sparse (n, n) matrices; maps[i] @ x reads a field x at the images of the vertices.
+    maps  : g sparse (n, n) matrices; maps[i] @ x interpolates a field x at the images of the vertices.
     faces : (g, m) the face that contains the image of each face's centroid; None if unused."""
 
     R: Floats
@@ -27,22 +27,22 @@ class Images:
 
     @classmethod
     def identity(cls, n: int) -> Self:
-        """Return the images of a surface without symmetry: each of n vertices is its only image."""
+        """Return the images of n vertices without symmetry: each vertex is its only image."""
         return cls(np.eye(3)[None], (csr_array(eye_array(n)),))
 
     def mean(self, x: Floats) -> Floats:
-        """Return a field (n, ...) averaged over the images of each point."""
+        """Return the mean (n, ...) of a field at all images of each point."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return faces (m,) with a marked image, because rounding decides which face at a vertex is singular.
+        """Return a mask (m,) of faces with a marked image, because rounding decides which face at a vertex is singular.
         On a mesh that is less symmetric than its surface, images of faces are not faces, and marks stay unchanged."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
-        """Return unit tangents (n, 3), up to sign, of the symmetric field nearest to the given tangents.
-        The method averages the products v v^T of the coordinates, because products do not depend on signs."""
+        """Return unit tangents (n, 3), up to sign, of the symmetric field nearest to the tangents `along`.
+        The function averages the matrices v v^T of tangents v, because these do not depend on signs."""
         if len(self.maps) == 1:
             return along
         n = len(along)
@@ -56,10 +56,10 @@ class Images:
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
-        """Return the projection onto symmetric phases that grow at V (n, 3) by `density` (n,) per metre along g (n, 3).
+        """Return the projection onto symmetric phases; their gradient at V (n, 3) is `density` (n,) x g (n, 3).
 
-        Where g is reversed at an image, the phase is conjugated. An image of a vertex may lie between other vertices.
-        Then the phases of these vertices grow on the way to the image: a plain mean lags if a period has few edges."""
+        Where g is reversed at an image, the phase is conjugated. An image may lie between vertices. Then the phases of
+        these vertices grow on the way to the image, because a plain mean has large errors if a period has few edges."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g
@@ -78,7 +78,7 @@ class Images:
         turned = dots(growth_there, growth_here) < 0
         sign = np.where(turned, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
-        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # by the mean growth of both ends
+        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # mean growth of both ends
         value = T.data * np.exp(1j * turn)
         direct, conjugate = (
             csr_array((value * selected, column, T.indptr), shape=T.shape) for selected in (~turned, turned)

@@ -1,4 +1,4 @@
-"""Widths of stripes: by threshold, equal in metres, by stress, or adjusted to even strain energy."""
+"""Widths of stripes: by threshold, equal in metres, by stress, or adjusted until strain energy is even."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,29 +13,29 @@ from dsfab.core.errors import PatternError
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-_End = tuple[float, float]  # End of an interval: a factor, and its share minus the wanted share.
+_End = tuple[float, float]  # End of an interval: a factor, and the share of material that it gives minus the target.
 Rule = Literal["plain", "constant", "graded", "stressed"]
-SOLID = 0.5  # Half-width, in periods, at which neighbouring stripes touch.
-ROUNDS = (2, 60)  # Smallest and largest number of rounds of averaging.
+SOLID = 0.5  # Half width, in periods, at which neighbouring stripes touch.
+ROUNDS = (2, 60)  # Smallest and largest number of averagings.
 JUMP = 5e-3
-"""Largest accepted jump of a share past its target when loose ends appear and vanish; the nearest share suffices."""
+"""Largest accepted error of the share of material where it jumps past its target, as loose ends appear or vanish."""
 
 
 class ShareJumpError(PatternError):
-    """The share of material jumps past the wanted share: larger and smaller shares exist, but none near it."""
+    """The share of material jumps past its target: larger and smaller shares are possible, but none near it."""
 
 
 @dataclass(frozen=True)
 class Widths:
-    """The rule for the half-width d of stripes at every vertex.
+    """The rule for the half width d of stripes at every vertex.
 
-    rule      : "plain"     d = (1 - threshold) / 4, the paper;
-                "constant"  d = |grad z| member / 2: the same width in metres also where a mode flattens;
+    rule      : "plain"     d = (1 - threshold) / 4, as in the paper;
+                "constant"  d = |grad z| member / 2: the same width in metres, also where a mode is flat;
                 "graded"    d proportional to (1 - threshold) |stress|^q, the stress along the stripes of the family;
                 "stressed"  begins as "graded", then widens where the cut sheet has most energy, see `evened_grading`.
     member    : metres, for "constant".    q : 0 to 4, for "graded" and the beginning of "stressed".
-    min_width, max_width : metres, bounds on the width at every vertex under any rule; 0 sets none.
-    min_gap   : metres; a narrower gap to the next stripe becomes material. 0 fills no gap.
+    min_width, max_width : bounds on the width under any rule, metres; 0 for none.
+    min_gap   : metres; narrower gaps between stripes become material; 0 for none.
 
     Raises PatternError for other values, and for "constant" without `member`."""
 
@@ -61,7 +61,7 @@ class Widths:
 
     @property
     def radius(self) -> float:
-        """Radius, metres, for averages of slopes: half the width of a member if the rule sets this width."""
+        """Radius for averages of slopes, metres: half the width of a member if the rule sets this width, else 0."""
         return self.member / 2 if self.rule == "constant" else 0.0
 
     @property
@@ -71,19 +71,18 @@ class Widths:
 
     @property
     def vary(self) -> bool:
-        """True if the half-width differs from vertex to vertex."""
+        """True if the half width may differ from vertex to vertex."""
         return self.rule != "plain" or max(self.min_width, self.max_width, self.min_gap) > 0
 
     def grading(self, stress: Floats) -> Floats:
-        """Return relative half-widths (n,); see `half_widths`."""
+        """Return relative half widths (n,); see `half_widths`."""
         return stress**self.q if self.rule == "graded" else stress if self.rule == "stressed" else np.ones_like(stress)
 
     def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
-        """Return d (n,) in periods, 0 (no material) to 0.5 (no gap); a larger `factor` never gives a smaller d.
+        """Return half widths d (n,) in periods, 0 (no material) to 0.5 (no gap); they never decrease with `factor`.
         base   : d of the stripes' threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
-        stress : (n,) for "graded" the size of the stress along the stripes, any unit; for "stressed" the relative
-                 half-widths themselves.
-        factor : multiplies the rule, before the bounds."""
+        stress : (n,) size of the stress along the stripes, any unit; for "stressed" the relative half widths.
+        factor : multiplies the rule's result, before the bounds."""
         d = factor * (slope * (self.member / 2) if self.rule == "constant" else base * self.grading(stress))
         if self.max_width:
             d = np.minimum(d, slope * (self.max_width / 2))
@@ -92,26 +91,25 @@ class Widths:
 
 
 def vertex_means(surface: Surface, x: Floats) -> Floats:
-    """Return area-weighted means (n, ...) of values x (m, ...) over the faces around each vertex; 0 without faces."""
+    """Return area-weighted means (n, ...) of values x (m, ...) of the faces around each vertex; 0 without faces."""
     return np.asarray(_averaging(surface) @ x)
 
 
 def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
-    The length of the mean gradient would vanish on ridges of z, and open a slit along the middle of a member. Half the
-    range of z over a disc of radius R is R |grad z| off a ridge and R^2 z'' / 2 on a ridge, equal to the mean of |grad
-    z| over the disc. So means are over a disc of `radius` (m), half the width of a member, and over at least two rings
-    of faces, because otherwise members would have ragged edges on ridges."""
+    The mean gradient itself is zero on ridges of z, and would open a slit along the middle of a member. The mean of
+    |grad z| over a disc of radius R is about R z'' / 2 on a ridge, so members keep a width there. The disc has
+    `radius` (m), half the width of a member. With under two rings of faces, members would be ragged."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
-    """Return means (n, ...) of values x (m, ...) of faces over about a disc of `radius` (m) around each vertex.
+    """Return means (n, ...) of values x (m, ...) of faces in about a disc of `radius` (m) around each vertex.
     Each mean includes at least two rings of faces, and never faces across a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
-    # the variance of a round is h^2 / 3 on a regular mesh of width h; the variance of a disc is R^2 / 4
+    # variances: h^2 / 3 for an averaging on a regular mesh of width h; R^2 / 4 for a disc
     for _ in range(int(np.clip(0.75 * (radius / surface.mean_edge) ** 2, *ROUNDS))):
         means = average @ means[surface.F].mean(axis=1)
     return np.asarray(means)
@@ -125,8 +123,8 @@ def _averaging(surface: Surface) -> csr_array:
 
 
 def relative_stresses(surface: Surface, principal: Floats) -> Floats:
-    """Return sizes (n, 2) of both principal stresses (m, 2) at the vertices, divided by the mean of both on the
-    surface. Raises PatternError if the stress is zero."""
+    """Return sizes (n, 2) of both principal stresses (m, 2) at the vertices, divided by their mean on the surface.
+    Raises PatternError if the stress is zero."""
     size = vertex_means(surface, np.abs(principal))
     mean = float(surface.vertex_areas @ size.mean(axis=1)) / surface.area
     if not mean > 0:
@@ -147,12 +145,12 @@ def solved_factor(
 
     slope    : approximate derivative of `share`, if the factor may be about 1. Then the search begins with 1 and one
                step of Newton's method; 0 for no such start.
-    near_one : true if the factor is surely about 1: more secant steps follow.
-    jump     : if `share` jumps past the target, error at which the nearest value still counts.
+    near_one : True if the factor is certainly about 1: more secant steps follow.
+    jump     : accepted error if `share` jumps past the target.
     steepest : largest growth of a share without jumps, for a relative change of the factor.
 
-    The method is regula falsi on an interval around the solution, with the Illinois rule [Dowell, Jarratt 1971]: the
-    value at an end that stays twice is halved. Raises PatternError without such a factor, ShareJumpError at a jump."""
+    The method is regula falsi on an interval around the solution, with the Illinois rule [Dowell, Jarratt 1971]: if an
+    end stays twice, its value is halved. Raises PatternError if no factor exists, and ShareJumpError at a jump."""
 
     @cache
     def evaluate(factor: float) -> _End:
@@ -162,11 +160,11 @@ def solved_factor(
         evaluate, target, tolerance
     )
     best_end, kept_side = min(low, high, key=_miss), 0
-    for _ in range(30):  # without jumps, far fewer rounds suffice
+    for _ in range(30):  # without jumps, far fewer suffice
         if _miss(best_end) <= tolerance:
             return best_end[0]
         if high[0] - low[0] < tolerance / steepest * high[0]:
-            break  # the share jumps here
+            break  # a jump
         x = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
         trial = evaluate(x)
         best_end = min(best_end, trial, key=_miss)
@@ -177,7 +175,7 @@ def solved_factor(
     if _miss(best_end) <= jump:
         return best_end[0]
     raise ShareJumpError(
-        f"the kept share jumps past {target:.1%} of the surface (nearest: {best_end[1] + target:.2%}); "
+        f"the share of material jumps past {target:.1%} of the surface (nearest: {best_end[1] + target:.2%}); "
         "change the phase or the frequency a little"
     )
 
@@ -185,7 +183,7 @@ def solved_factor(
 def _secant_interval(
     evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
 ) -> tuple[_End, _End] | None:
-    """Search by secants from 1; return an interval around the solution, the solution as both ends, or None."""
+    """Search with secants from 1; return an interval around the solution, the solution as both its ends, or None."""
     end = evaluate(1.0)
     for _ in range(5 if near_one else 1):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
@@ -198,7 +196,7 @@ def _secant_interval(
 
 
 def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
-    """Return an interval around the solution, or the solution as both ends, from the factors 0, 1, 4, 16 ..."""
+    """Return an interval around the solution, or the solution as both its ends; the factors are 0, 1, 4, 16 ..."""
     start = evaluate(1.0)
     if _miss(start) <= tolerance:
         return start, start
@@ -229,15 +227,15 @@ def _unreachable_error(target: float, reach: str) -> PatternError:
 def evened_grading(
     surface: Surface, grading: Floats, work: Floats, material: Floats, spacing: float, limit: float = 2.0
 ) -> Floats:
-    """Return relative half-widths (n, k) of k families for the next step, from the half-widths `grading` (n, k) so far.
+    """Return relative half widths (n, k) of k families for the next step, from the last ones, `grading` (n, k).
 
     work     : (m, k) energy, joules, of each family in each face.    material : (m, k) area of each family there, m2.
     spacing  : metres from stripe to stripe. Averages extend over 0.4 spacings, so that neighbours do not mix.
     limit    : largest factor of a step.
 
-    Widths grow with the root of the energy density, because in a member with a fixed force the density falls with the
-    square of the width. Redistributed forces need several steps. Widths stay where material is missing. The geometric
-    mean of the densities stays, so that an evenly stressed sheet is unchanged."""
+    Widths grow with the square root of the energy density, because under a fixed force the density falls with the
+    square of the width. Forces then change their paths, so several steps are needed. Widths stay where material is
+    missing. The geometric mean of the densities stays, so that an evenly stressed sheet is unchanged."""
     densities = np.concatenate([work, material], axis=1) / surface.areas[:, None]
     mean_work, share = np.split(spread_means(surface, densities, 0.4 * spacing), 2, axis=1)
     has_material = (share > 1e-9) & (mean_work > 0)

@@ -5,10 +5,10 @@
 1. PARDISO (extra `fast`) is the fastest solver and uses all cores.
 2. Multifrontal Cholesky uses scipy's BLAS. On one core it takes about PARDISO's time, a quarter of SuperLU's. It needs
    less memory than SuperLU, which stores L and U. It works on every machine with scipy.
-3. Multigrid (extra `amg`) follows if the factor would exceed the free memory. It needs three unknowns per point and the
-   rigid motions. It is slower, and each solve checks its true residual.
+3. Multigrid (extra `amg`) is used if the factor would exceed the free memory. It needs three unknowns per point and
+   the rigid motions. It is slower, and each solve checks its true residual.
 
-A caller may request SuperLU by name: the fastest solver for one right-hand side and one unknown per point."""
+SuperLU is only used if a caller requests it: it is fastest for one right-hand side and one unknown per point."""
 
 import importlib.util
 from collections.abc import Callable
@@ -36,7 +36,7 @@ __all__ = [
 ]  # fmt: skip
 
 Factor = Pardiso | Multifrontal | SuperLU | Multigrid
-"""Factor of K. A call with b, (N,) or (N, k), returns K^-1 b; `refactor(K)` takes new values of the same pattern."""
+"""Factor of K. A call with b, (N,) or (N, k), returns K^-1 b. `refactor(K)` takes new values with the same pattern."""
 
 
 def solver_name() -> str:
@@ -47,19 +47,19 @@ def solver_name() -> str:
 def factorise(
     K: Matrix, points: Floats, node: Ints | None = None, solver: str | None = None, rigid: Floats | None = None
 ) -> Factor:
-    """Return the function b -> K^-1 b for a positive definite K (N, N) with a full diagonal.
+    """Return a function b -> K^-1 b for a positive definite K (N, N) whose diagonal has no missing entry.
 
     K is symmetric, or Hermitian for PARDISO and the multifrontal factor.
 
     K      : the matrix, or a function that builds it. With a function, PARDISO stores only the upper triangle during
              the factorisation, when it needs most memory.
-    points : (n, 3) positions; they only determine the order of elimination.
-    node   : (N,) the point of each unknown; by default unknown i is on point i.
-    solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; by default the first usable solver of the list above.
+    points : (n, 3) positions, which only determine the order of elimination.
+    node   : (N,) the point of each unknown; default: unknown i is on point i.
+    solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; default: the first usable solver of the list above.
     rigid  : (N, 6) rigid motions in the unknowns of K, which multigrid needs.
 
-    Raises NotPositiveDefinite for a pivot that is not positive, and FactorMemoryError if the factor does not fit into
-    memory and multigrid cannot be used."""
+    Raises NotPositiveDefinite for a pivot that is not positive. Raises FactorMemoryError if the factor does not fit
+    into memory and multigrid cannot be used."""
     node = np.arange(len(points)) if node is None else node
     build = _BUILDERS[solver or solver_name()]
     try:
@@ -71,18 +71,18 @@ def factorise(
 
 
 class SamePatternFactors:
-    """Factors of several matrices with one pattern, so that dsfab analyses the pattern once.
+    """Factors of several matrices with one pattern, which dsfab analyses only once.
     points, node : see `factorise`.
-    many_solves  : true for many solves with each factor. PARDISO then does not treat points with two unknowns as
-                   blocks: solves take three quarters of the time, factorisations five sixths."""
+    many_solves  : True for many solves with each factor. Then PARDISO does not treat points with two unknowns as
+                   blocks: solves take 75 % of the time, factorisations 83 %."""
 
     def __init__(self, points: Floats, node: Ints | None = None, many_solves: bool = False) -> None:
         self._points, self._node, self._many_solves = points, node, many_solves
         self._factor: Factor | None = None
 
     def factor(self, K: csr_array) -> Factor:
-        """Return b -> K^-1 b for a positive definite K (N, N), valid until the next call. All matrices must be real, or
-        all Hermitian. Raises the errors of `factorise`, and ValueError for another pattern."""
+        """Return b -> K^-1 b for a positive definite K (N, N), valid until the next call; all real, or all Hermitian.
+        Raises the errors of `factorise`, and ValueError for another pattern."""
         if self._factor is None and self._many_solves and solver_name() == "PARDISO":
             self._factor = Pardiso(K, blocks=False)
         elif self._factor is None:

@@ -1,8 +1,8 @@
 """Multifrontal Cholesky factorisation: nested dissection, memory and BLAS threads.
 
-The unknowns of a part of the mesh form a dense matrix, the front. Its elimination leaves an update matrix, and the
-solver adds this update to the front of a later separator. `dissection_keys` chooses the parts, `Fronts` analyses the
-pattern, `Multifrontal` computes."""
+The unknowns of a part of the mesh form a dense matrix, the front. Its elimination leaves an update matrix, which the
+solver adds to the front of a later separator. `dissection_keys` chooses parts, `Fronts` analyses the pattern,
+`Multifrontal` computes."""
 
 import ctypes
 import os
@@ -33,7 +33,7 @@ class FactorMemoryError(DsfabError, MemoryError):
 
     @classmethod
     def from_bytes(cls, needed: int | None, free: int | None = None) -> Self:
-        """Return the error with the `needed` and `free` bytes in its message, if these numbers are available."""
+        """Return the error; its message contains the `needed` and `free` bytes if they are known."""
         need = "more memory than there is" if needed is None else f"{needed / 2**30:.1f} GiB"
         free_text = "" if free is None else f", {free / 2**30:.1f} GiB are free"
         return cls(
@@ -43,7 +43,7 @@ class FactorMemoryError(DsfabError, MemoryError):
 
 
 def free_memory() -> int | None:
-    """Return the bytes available without swapping; None if the system does not report them."""
+    """Return the bytes that are available without swapping; None if the system does not report them."""
     if MEMINFO.exists():
         for line in MEMINFO.read_text(encoding="ascii").splitlines():
             if line.startswith("MemAvailable:"):
@@ -55,7 +55,7 @@ def free_memory() -> int | None:
 
 
 def peak_memory() -> int:
-    """Return the largest memory of this process so far, bytes; 0 on Windows, which does not report it."""
+    """Return the largest memory that this process has used, bytes; 0 on Windows, which does not report it."""
     try:
         import resource
     except ImportError:
@@ -77,10 +77,10 @@ as long as all other work on a thousand unknowns."""
 
 
 def release_freed_memory(freed: float) -> None:
-    """Return freed memory to the system, because glibc keeps it while small blocks lie above it.
+    """Return freed memory to the system, because glibc keeps it while small blocks above it are in use.
 
     Without this function, glibc keeps 60 MB after the analysis of 90,000 unknowns, and 170 MB after the release of
-    their factor. The function takes 10 ms for 100 MB and does nothing on systems without glibc.
+    their factor. The function takes 10 ms for 100 MB, and does nothing on systems without glibc.
 
     freed : approximate number of freed bytes; the function does nothing up to `LITTLE`."""
     if freed > LITTLE and (trim := _malloc_trim()):
@@ -102,24 +102,22 @@ def _pools() -> Any:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Limit BLAS to one thread: on vectors and small fronts, the overhead of threads is up to ten times their gain.
+    """Limit BLAS to one thread: on vectors and small fronts, more threads cost up to ten times what they save.
     The number of threads belongs to the whole process, so other Python threads wait."""
     with _BLAS_LOCK, _pools().limit(limits=1, user_api="blas"):
         yield
 
 
 def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, leaf: int = 192) -> Ints:
-    """Return the sort keys (n,) of a nested dissection of n points; equal keys belong to one part or to one separator.
+    """Return the sort keys (n,) of a nested dissection of n points; all points of a part or separator have equal keys.
 
     graph    : pairs of different points that the matrix couples, each pair in both directions.
     unknowns : number of unknowns of all points together.
-    leaf     : parts with at most this many unknowns stay whole; BLAS is most efficient on fronts of one to two hundred
-               unknowns.
+    leaf     : parts with at most this many unknowns are not divided; BLAS is fastest on fronts of 100 to 200 unknowns.
 
-    The method halves each part at the median of its longest axis. The points of one half that touch the other half are
-    the separator; of the two such sets, the method takes the smaller. The separator follows both halves in the
-    elimination. Each level adds one base-4 digit (0 lower, 1 upper, 2 separator), so the order of the keys is the order
-    of elimination."""
+    The method halves each part at the median of its longest axis. The separator is the smaller of two sets: the points
+    of one half that touch the other half. It is eliminated after both halves. Each level adds one base-4 digit (0
+    lower half, 1 upper half, 2 separator), so the order of the keys is the order of elimination."""
     i, j = graph
     n = len(points)
     key, part, alive = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64), np.ones(n, dtype=bool)
@@ -141,7 +139,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 
 def upper_half(points: Floats, part: Ints) -> Ints:
-    """Return 1 for points (k,) above the median of their part (k,) along the part's longest axis, else 0."""
+    """Return 1 for points (k,) above the median of their part (k,) on the part's longest axis, else 0."""
     count = np.bincount(part)
     begin = np.cumsum(count) - count
     used = count > 0
@@ -174,23 +172,23 @@ def morton_positions(points: Floats) -> Ints:
     return number
 
 
-Index = npt.NDArray[np.integer[Any]]  # Integers, of 4 bytes if possible, because every entry of a matrix has one.
+Index = npt.NDArray[np.integer[Any]]  # Integers, one for every entry of a matrix, so of 4 bytes if possible.
 Numbers = npt.NDArray[Any]  # Real or complex array.
 
 
 class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgError)
-    """Error for a matrix without a Cholesky factor: for a stiffness, the structure is a mechanism."""
+    """Error for a matrix without a Cholesky factor; if it is a stiffness, the structure is a mechanism."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fronts:
     """Analysis of the pattern of a matrix for its factor, independent of its values.
-    order    : (N,) unknowns in the order of elimination; all further fields number unknowns in that order.
-    start    : (fronts + 1,) front s eliminates the unknowns start[s] to start[s + 1].
+    order    : (N,) unknowns in the order of elimination; all other fields number unknowns in this order.
+    start    : (fronts + 1,) front s eliminates the unknowns start[s], ..., start[s + 1] - 1.
     rows     : for each front, the later unknowns that it changes, ascending.
     children : for each front, the earlier fronts that add to it.
     entry    : positions of the lower triangle's values in K.data, column by column.
-    row, column : indices of each entry.     pointer : (N + 1,) start of each column."""
+    row, column : indices of each of these entries.     pointer : (N + 1,) first entry of each column."""
 
     order: Ints
     start: Ints
@@ -203,11 +201,11 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Analyse K (N, N) by points, because the unknowns of a point share rows; unknown i is on point node[i]."""
+        """Analyse K (N, N) by points, because unknowns of a point have the same rows; unknown i is on point node[i]."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # along this curve a child's unknowns form few runs, and adding whole runs is fast
+        # in this order, a child's unknowns form few rows of neighbours, which are fast to add
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
@@ -228,7 +226,7 @@ class Fronts:
 
     @property
     def peak(self) -> int:
-        """Largest number of values in memory during the factorisation: the factor, waiting updates and one front."""
+        """Largest number of values in memory during the factorisation: the factor, unused updates and one front."""
         stored = waiting = worst = 0
         for k, rows, children in zip(np.diff(self.start).tolist(), self.rows, self.children, strict=True):
             m = len(rows)
@@ -257,7 +255,7 @@ def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[
 
 
 def _unknowns_of_points(begin: Ints, points: Ints) -> Ints:
-    """Return the unknowns of all `points` as one array; point p has the unknowns begin[p] to begin[p + 1]."""
+    """Return the unknowns of all `points` as one array; point p has the unknowns begin[p], ..., begin[p + 1] - 1."""
     count = begin[points + 1] - begin[points]
     return np.asarray(np.arange(count.sum()) + np.repeat(begin[points] - (np.cumsum(count) - count), count))
 
@@ -312,7 +310,7 @@ class Multifrontal:
 
 def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: Ints) -> None:
     """Add a child's update (c, c), upper triangle, to the rows and columns `positions` (c,) of the parent's front.
-    Runs of neighbouring columns are added together, which is several times faster than column by column."""
+    Neighbouring columns are added together, which is several times faster than column by column."""
     k = len(pivot_rows)
     inner = int(np.searchsorted(positions, k))
     ends = np.flatnonzero((np.diff(positions) != 1) | (positions[1:] == k)) + 1

@@ -33,7 +33,7 @@ class SuperLU:
     """Factor of a symmetric positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
 
     order    : (N,) elimination order, from another matrix of the same pattern.
-    definite : the caller knows that K is positive definite. This saves the check of the pivots, a tenth of the time.
+    definite : True if K is certainly positive definite. This saves the check of the pivots, a tenth of the time.
 
     Raises NotPositiveDefinite for a pivot that is not positive."""
 
@@ -48,9 +48,9 @@ class SuperLU:
         """Factorise the values of K (n, n) in the same order of elimination."""
         permuted = csc_array(K[self.order][:, self.order])
         try:
-            # with one unknown per point, panels of 4 columns are a tenth faster than SuperLU's default
+            # with one unknown per point, panels of 4 columns are 10 % faster than SuperLU's default
             self._lu = splu(permuted, "NATURAL", diag_pivot_thresh=0.0, panel_size=4, options=SUPERLU_OPTIONS)
-        except RuntimeError as error:  # SuperLU reports "Factor is exactly singular"
+        except RuntimeError as error:  # "Factor is exactly singular"
             raise NotPositiveDefinite(str(error)) from error
         if not self._definite and self._lu.U.diagonal().min() <= 0:
             raise NotPositiveDefinite("a pivot is not positive")
@@ -63,8 +63,8 @@ class SuperLU:
 
 def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
     """Return the order (N,) for the elimination of the unknowns of K (N, N), by nested dissection of their points.
-    Unknowns of one part follow a space-filling curve. Parts are small, because SuperLU forms its own dense blocks: the
-    factor has a fifth fewer entries."""
+    The points of a part follow a space-filling curve. Parts are small, because SuperLU forms its own dense blocks; so
+    the factor has 20 % fewer entries."""
     used, node = np.unique(node, return_inverse=True)
     points = points[used]
     keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)
@@ -73,28 +73,27 @@ def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
     return np.argsort(rank[node], kind="stable")
 
 
-ANALYSE, FACTORISE, SOLVE = 11, 22, 33  # Phases, in PARDISO's numbers.
-SYMMETRIC, HERMITIAN = 2, 4  # Kinds of positive definite matrices, in PARDISO's numbers.
+ANALYSE, FACTORISE, SOLVE = 11, 22, 33  # PARDISO's numbers for its phases.
+SYMMETRIC, HERMITIAN = 2, 4  # PARDISO's numbers for kinds of positive definite matrices.
 PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
 """Entries of PARDISO's `iparm`, counted from 0.
 In this order, the entries select: values from the user; nested dissection by METIS; pivots for symmetric matrices; a
-count of the factor's entries; the two-level factorisation. With one unknown per point, a two-level factor solves in
-40 % of the time; with three unknowns nothing changes. All further entries are 0. Entry 7 would refine at each solve and
+count of the factor's entries; the two-level factorisation. With one unknown per point, a two-level factor solves in 40
+% of the time; with three unknowns nothing changes. All other entries are 0. Entry 7 would refine each solution and
 triple its time. A caller that needs more digits refines in longer numbers."""
 BLOCKS = {36: -100}
 """Additional entry for points with several unknowns: PARDISO analyses rows with equal columns as one row.
-With three unknowns per point the analysis takes a third of the memory and time. The factorisation takes a few
-percent longer, a smaller cost."""
+With three unknowns per point, the analysis takes a third of memory and time, and the factorisation a bit longer."""
 ALONE = 12_000
-"""Number of unknowns up to which PARDISO uses one thread. With two threads, solves of 10,000 unknowns took twice the
+"""PARDISO uses one thread up to this number of unknowns. With two threads, solves of 10,000 unknowns took twice the
 time and three times the processor time, and factorisations were no faster. One thread also gives equal results on any
 number of cores."""
-OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory; all further codes mean a pivot that is not positive.
+OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory; all other codes mean a pivot that is not positive.
 Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds a matrix.
 
 
 def pardiso_matrix(K: Matrix) -> csr_array:
-    """Return the matrix K (n, n), or the matrix that the function K builds."""
+    """Return the matrix K (n, n), or the matrix that K builds if K is a function."""
     return K() if callable(K) else K
 
 
@@ -130,13 +129,13 @@ class Pardiso:
     """Factor of a positive definite matrix, real or Hermitian; a call with b, (N,) or (N, k), returns K^-1 b.
 
     K      : see `dsfab.core.sparse.factorise`.
-    blocks : true if unknowns come in groups whose rows have the same columns.
+    blocks : True if unknowns form groups whose rows have the same columns.
 
-    Raises NotPositiveDefinite for a pivot that is not positive, FactorMemoryError if the factor does not fit."""
+    Raises NotPositiveDefinite for a pivot that is not positive, and FactorMemoryError if the factor does not fit."""
 
     def __init__(self, K: Matrix, blocks: bool = False) -> None:
         os.environ.setdefault("MKL_CBWR", "AUTO")  # repeatable sums, so that equal presets give equal files
-        # waiting threads sleep at once, because on a shared machine they would take time from busy processes
+        # idle threads sleep at once; otherwise they would take time from other processes
         os.environ.setdefault("KMP_BLOCKTIME", "0")
         _set_mkl_path()
         from pypardiso import PyPardisoSolver
@@ -148,12 +147,12 @@ class Pardiso:
         weakref.finalize(self, _release, self._solver)  # Python does not free MKL's memory
         self._threads = 1 if K.shape[0] <= ALONE else int(self._solver.libmkl.MKL_Get_Max_Threads())
         self._upper = _Pattern.from_matrix(K).upper(K)
-        self._known: _Pattern | None = None  # only `refactor` needs the pattern, so a single factor saves its memory
+        self._known: _Pattern | None = None  # stored by `refactor`, which alone needs it
         del K
         nothing = np.zeros((self._upper.shape[0], 1), dtype=self._upper.dtype)
         self._call(ANALYSE, nothing)
         analysis, permanent, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))
-        freed = 700.0 * len(nothing)  # bytes of the assembly and of the analysis, before the factor takes most memory
+        freed = 700.0 * len(nothing)  # bytes of the assembly and of the analysis
         release_freed_memory(freed)
         require_memory(max(analysis, permanent + work))
         self._call(FACTORISE, nothing)
@@ -176,10 +175,10 @@ class Pardiso:
         from pypardiso.pardiso_wrapper import PyPardisoError
 
         self._solver.set_phase(phase)
-        # a solve must use as many threads as the factorisation, else a two-level factor gives a wrong solution
+        # with more or fewer threads than the factorisation, a two-level factor gives a wrong solution
         before = self._solver.libmkl.MKL_Set_Num_Threads_Local(self._threads)
         try:
-            x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` would hash the matrix at every call
+            x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` is slower: it hashes the matrix
         except PyPardisoError as error:
             if error.value in OUT_OF_MEMORY:
                 raise FactorMemoryError.from_bytes(None) from error
@@ -190,12 +189,12 @@ class Pardiso:
 
 
 def _set_mkl_path() -> None:
-    if "PYPARDISO_MKL_RT" in os.environ:  # without this path, pypardiso searches the Python installation for 1 s
+    if "PYPARDISO_MKL_RT" in os.environ:  # otherwise pypardiso searches for 1 s
         return
     try:
         files = importlib.metadata.files("mkl") or []
     except importlib.metadata.PackageNotFoundError:
-        return  # MKL did not come from pip, so pypardiso must search
+        return  # not from pip, so pypardiso must search
     paths = sorted((str(file.locate()) for file in files if "mkl_rt" in file.name), key=len)
     if paths and os.path.exists(paths[0]):
         os.environ["PYPARDISO_MKL_RT"] = paths[0]
@@ -212,7 +211,7 @@ ITERATIONS = 1000
 
 
 class ConvergenceError(DsfabError, ArithmeticError):
-    """Error for an iteration that stopped above the accepted residual."""
+    """Error for an iteration that stopped with a residual above the accepted one."""
 
 
 def has_pyamg() -> bool:
@@ -224,7 +223,7 @@ class Multigrid:
     """Solver for the stiffness of thin sheets with up to three unknowns per point; a call with b returns K^-1 b.
 
     The method is smoothed aggregation [Vanek, Mandel and Brezina 1996]. It uses blocks of three unknowns per point,
-    the rigid motions, strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. Without these choices,
+    the rigid motions, strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. With other choices,
     the iteration needs hundreds of steps or diverges on irregular sheets. So each solve checks the true residual.
 
     rigid : (N, 6) the rigid motions in the unknowns of K; away from supports, K times these is nearly zero.
@@ -242,7 +241,7 @@ class Multigrid:
         self._K = K
         self._place, size = _positions_in_blocks(self._node)
         full = K.tocoo()
-        spare = np.setdiff1d(np.arange(size), self._place)  # unknowns missing from a block get 1 on the diagonal
+        spare = np.setdiff1d(np.arange(size), self._place)  # missing unknowns of blocks get diagonal 1
         blocks = coo_array(
             (
                 np.concatenate([full.data, np.ones(len(spare))]),

@@ -1,4 +1,4 @@
-"""`Cells`: convex polygons on shared vertices, their triangulation, and values snapped onto levels."""
+"""`Cells`: convex polygons on shared vertices. Functions divide them into triangles, and snap values onto levels."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,24 +15,24 @@ CHUNK = 1 << 13  # Number of polygons that are measured together, so that they f
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Polygons as a ragged array: polygon i has the corners corner[start[i] : start[i + 1]].
+    """Polygons in one flat array: polygon i has the corners corner[start[i]], ..., corner[start[i + 1] - 1].
 
     start    : (c + 1,).    corner : (h,) vertices.
-    sides_on : (h,) the line of each side, a row of `CutLines`; 0 for none; -1 - l on level l of a split.
+    sides_on : (h,) row of `CutLines` for the line of each side; 0 for no line; during a split, -1 - l for level l.
 
-    A slot is an index into `corner`. A slot also stands for the side from its corner to the next corner."""
+    A slot is an index into `corner`. Each slot also names the side from its corner to the polygon's next corner."""
 
     start: Ints
     corner: Ints
     sides_on: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
-        if len(self.sides_on) != len(self.corner):  # without lines, all sides get line 0
+        if len(self.sides_on) != len(self.corner):  # no lines: all sides get 0
             object.__setattr__(self, "sides_on", np.zeros(len(self.corner), dtype=np.int64))
 
     @classmethod
     def triangles(cls, F: Ints, sides_on: Ints | None = None) -> "Cells":
-        """Return the triangles F (m, 3) as polygons; `sides_on` (m, 3) are the lines of their sides."""
+        """Return the triangles F (m, 3) as polygons; `sides_on` (m, 3) see `Cells`."""
         return cls(
             np.arange(0, 3 * len(F) + 1, 3), F.ravel(), (np.zeros_like(F) if sides_on is None else sides_on).ravel()
         )
@@ -62,8 +62,8 @@ class Cells:
         return result
 
     def per_polygon(self, ufunc: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
-        """Combine the values (h,) at the slots of each polygon by `ufunc`; return (c,)."""
-        if len(values) == 3 * len(self.sizes):  # triangles only
+        """Apply `ufunc`, such as a sum, to the values (h,) at the corners of each polygon; return (c,)."""
+        if len(values) == 3 * len(self.sizes):  # all polygons are triangles
             a, b, c = values.reshape(-1, 3).T
             return np.asarray(ufunc(ufunc(a, b), c))
         return ufunc.reduceat(values, self.start[:-1])
@@ -88,7 +88,7 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Replace the level l of a split at each side by the line lines[l, polygon]; lines : (levels or 1, c or 1)."""
+        """Give each side on level l of a split the line lines[l, polygon]; lines : (levels or 1, c or 1)."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -97,7 +97,7 @@ class Cells:
         return Cells(self.start, self.corner, sides_on)
 
     def triangle_sides(self, F: Ints, polygon: Ints) -> Ints:
-        """Return the lines (m, 3) of the sides of triangles F (m, 3), which fill polygons (m,)."""
+        """Return `sides_on` (m, 3) of triangles F (m, 3) that fill the polygons; polygon : (m,) of each triangle."""
         slot = np.flatnonzero(self.sides_on)
         n, owner, end = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
         key = owner * n + self.corner[slot]
@@ -133,15 +133,15 @@ class Cells:
 
 
 LARGEST = 9
-"""Larger polygons are halved before `triangulate` fills them, because its time grows with the cube of the corners."""
+"""Corners of the largest polygon that `triangulate` fills directly; it halves larger polygons first, to save time."""
 
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
-    """Divide convex polygons into triangles (m, 3), oriented alike; return also the polygon (m,) of each, ascending.
+    """Divide convex polygons into triangles (m, 3); return also the polygon (m,) that contains each, ascending.
 
     X : (n, 3) positions.
-    Polygons may have corners of 180 degrees but must have an area. Then every triangle has an area, too. Each side of
-    a polygon is a side of one triangle, so that neighbouring polygons fit."""
+    The triangles have the orientation of the polygons. Polygons must have an area, but may have corners of 180
+    degrees. Then every triangle has an area, and neighbouring polygons have common sides."""
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
     for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
         which = np.flatnonzero(cells.sizes == size)
@@ -165,7 +165,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
 
 
 def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
-    """(g,) shape 4 sqrt(3) area / (sum of squared sides) of triangles with corners (3, g) [Bank, Smith 1997]."""
+    """Return shapes (g,), 4 sqrt(3) area / (sum of squared sides); 1 if equilateral [Bank, Smith 1997]."""
     u, v = b - a, c - a
     w = v - u
     squares = sum((s[0] * s[0] + s[2] * s[2]) + s[1] * s[1] for s in (u, v, w))
@@ -174,10 +174,10 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    r"""Best triangles of polygons (g, size), and the row of each, by dynamic programming over corners i to j.
+    r"""Return the triangles of polygons (g, size) whose worst shape is best, and the polygon's row of each triangle.
 
-      k          rating[i, j] = max over k of min(rating[i, k], rating[k, j], quality(i, k, j)):
-     / \\         the triangle on the chord i-j, and the best triangulations on its two other sides.
+      k      rating[i, j] = max over k of min(rating[i, k], rating[k, j], quality(i, k, j)) is the worst
+     / \\     shape in the best triangulation of the corners i, i + 1, ..., j.
     i---j"""
     g, size = polygons.shape
     if size == 3:
@@ -212,13 +212,13 @@ def _chosen_triangles(polygons: Ints, apex: Ints) -> tuple[Ints, Ints]:
 
 
 def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
-    """Divide polygons (g, size) by the chords that make the smaller part largest; return the parts, grouped by size."""
+    """Divide each polygon (g, size) by the chord with the most equal halves; return the parts, grouped by size."""
     size = polygons.shape[1]
     spoke = X[polygons] - X[polygons[:, :1]]
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
     upto = np.concatenate([np.zeros((len(fan), 1)), np.cumsum(fan, axis=1)], axis=1)
     i, j = np.triu_indices(size, 2)
-    i, j = i[j - i < size - 1], j[j - i < size - 1]  # the first and the last corner have no chord
+    i, j = i[j - i < size - 1], j[j - i < size - 1]  # neighbours have no chord
     corner = np.linalg.norm(np.cross(spoke[:, i], spoke[:, j]), axis=2)
     ear = upto[:, j] - upto[:, i] - corner  # twice the area between corners i, i + 1, ..., j
     choice = np.minimum(ear, upto[:, -1:] - ear).argmax(axis=1)
@@ -232,8 +232,8 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 
 SNAP_FLOOR = 1e-9
-"""Least snap fraction, which applies even at snap = 0."""
-TIP = 1e-3  # Largest snap fraction for a single edge of a stripe; at the stripe's tip both edges then meet.
+"""Smallest snap fraction; it applies even at snap = 0."""
+TIP = 1e-3  # Largest snap fraction for one edge of a stripe alone; so both edges meet at the stripe's tip.
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
@@ -247,10 +247,9 @@ def nearest_levels(x: Floats, levels: Floats) -> Floats:
 def snap_values(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
-    """Return x (n,) with each value moved onto a level (k,) within `fraction` of the largest range over its edges.
+    """Move values x (n,) onto levels (k,) nearby: within `fraction` of the largest change of x on the vertex's edges.
 
-    sides : both vertices of each edge.    difference : range of x over each edge.    free : (n,) values that may move.
-    """
+    sides : both vertices of each edge.    difference : change of x over each edge.    free : (n,) mask of movable x."""
     level = nearest_levels(x, levels)
     gap = np.abs(x - level)
     may_snap = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
@@ -262,17 +261,15 @@ def snap_values(
 
 
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
-    """Move pairs of values x (n, 2), so that one value near a level (k,) lies on the level; return the moved pairs.
+    """Move each pair of values x (n, 2) so that the value nearer to a level (k,) lies on it; return the pairs.
 
-    reach : (n, 2) largest range of each field over the edges at a vertex; `fraction` of this range counts as near.
-
-    Both values move equally, so that a stripe keeps its width, but no value moves across a level. Two fields at a
-    constant distance move like a single field that has the levels of both fields."""
+    reach : (n, 2) largest change of each value over the edges at a vertex. Pairs move by up to `fraction` of it.
+    Both values move by the same step, so a stripe keeps its width. But no value moves across a level."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
-    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # equally near levels: the pair moves up
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # if both are equally near, the pair moves up
     upper_nearer = (share[:, 0] < share[:, 1]) | tie
     chosen = np.stack([upper_nearer, ~upper_nearer], axis=1)
     step = np.where(chosen, steps, 0).sum(axis=1)
@@ -286,7 +283,9 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
 
 
 def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
-    """Return masks (c,) of polygons wholly inside and wholly outside stripes; y : (h, 2) values at the slots."""
+    """Return masks (c,) of the polygons inside stripes, and of those outside: no edge of a stripe crosses them.
+
+    y : (h, 2) both values of the stripes at each slot."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
     within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])
@@ -295,7 +294,7 @@ def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools,
 
 
 def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
-    """(n,) largest difference over the sides at each vertex."""
+    """Return for each of n vertices the largest `difference` of the sides that end there; 0 without sides."""
     reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)

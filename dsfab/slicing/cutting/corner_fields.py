@@ -1,4 +1,4 @@
-"""Cuts of polygons along the stripes of a corner field, whose value at a vertex serves all polygons around it."""
+"""Cut polygons along the stripes of a corner field. Each vertex has one value, which all polygons around it share."""
 
 import dataclasses
 from dataclasses import dataclass, replace
@@ -25,8 +25,8 @@ from dsfab.surface.fields import CornerField
 class PolygonField:
     """A corner field on the vertices of a mesh of polygons.
 
-    values : (n', 1 or 2) at each vertex, in the sign and shift of the face `lead` (n',).
-    sign, shift : (h,) the value at a slot is sign * value + shift.    blank : (h,) True for slots without a value."""
+    lead : (n',) one face at each vertex.    values : (n', 1 or 2) at the vertices, as this face sees the field.
+    sign, shift : (h,) a slot's own face sees sign * value + shift.    blank : (h,) True for slots without a value."""
 
     mesh: PolygonMesh
     field: CornerField
@@ -60,7 +60,7 @@ class PolygonField:
         face, sign, shift = mesh.face, np.ones(len(mesh.face)), np.zeros(len(mesh.face))
         turned_slots = np.flatnonzero(
             field.changed_faces[face] | field.changed_faces[lead][mesh.cells.corner]
-        )  # elsewhere the sign is 1 and the shift 0
+        )  # all other slots keep sign 1 and shift 0
         if len(turned_slots):
             vertex, slot_face = mesh.cells.corner[turned_slots], face[turned_slots]
             lead_face, support_vertex = lead[vertex], mesh.support[vertex]
@@ -71,7 +71,7 @@ class PolygonField:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def value_index(self, side: int) -> Ints:
-        """(h,) index into values.ravel() of the upper (0) or lower (1) field at each slot."""
+        """Return for each slot the index (h,) into values.ravel() of the upper (side 0) or lower (side 1) field."""
         return self._lower if side else self._upper
 
     @cached_property
@@ -84,7 +84,7 @@ class PolygonField:
         return self._upper if self.values.shape[1] == 1 else self._upper ^ 1
 
     def slot_values(self, side: int) -> Floats:
-        """(h,) the upper (0) or lower (1) field at the slots."""
+        """Return the upper (side 0) or lower (side 1) field (h,) at the slots."""
         return self._slots[side]
 
     @cached_property
@@ -99,7 +99,7 @@ class PolygonField:
         return np.asarray(y)
 
     def with_values(self, values: Floats) -> "PolygonField":
-        """Return the field with other values (n', 1 or 2)."""
+        """Return the field with `values` (n', 1 or 2) replaced."""
         if values is self.values:
             return self
         changed = replace(self, values=values)
@@ -107,15 +107,15 @@ class PolygonField:
         return changed
 
     def side_values(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """Return the field at both ends of every side; `foreign` (h,) marks slots without a value."""
+        """Return the field at both ends of every side; foreign : (h,) slots without a value, default `blank`."""
         return SideValues.from_slots(
             self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
         )
 
     def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
-        """Return the field after a split along its upper (0) or lower (1) values, with exact levels at new vertices.
+        """Return the field after polygons were split along levels of its upper (0) or lower (1) side.
 
-        lines : (l, 1) the line of each level."""
+        lines : (l, 1) the line of each level.    New vertices get exactly the value of their level."""
         mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
         cut = self.slot_values(side)
         up = cut[split.side] < cut[following[split.side]]
@@ -129,7 +129,7 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """(h,) masks of the first and of the second side of each edge across which the field changes its sign."""
+        """Return masks (h,) of the first and second side of edges across which the field changes its sign."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -156,11 +156,11 @@ def corner_band(
 ) -> tuple[PolygonMesh, Bools]:
     """Cut the void polygons along the stripes of a corner field; return also a mask (c',) of new material.
 
-    snaps : snap fractions of whole stripes and of tips, see `cut` and `TIP`.    size : of the surface, metres.
-    edges : (l, 2) the lines of the mesh on each level, for the upper and the lower field.
+    snaps : snap fractions of whole stripes (see `cut`) and of tips (see `TIP`).    size : of the surface, metres.
+    edges : (l, 2) row of `CutLines` for each level of the upper and of the lower field.
 
-    Across some mesh edges the field changes its sign: the upper edge of a stripe continues as its lower edge. Levels
-    of both fields divide such mesh edges before the cut, so that both faces get the same vertices."""
+    Across some mesh edges the field changes its sign: the upper edge of a stripe continues as its lower edge. Such
+    mesh edges first get vertices at the levels of both fields. So the polygons on both sides have the same vertices."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -179,14 +179,14 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """(c,) mask of void polygons in blank faces, with stripes along more than half of their outline."""
+    """Return a mask (c,) of void polygons in blank faces that touch stripes along more than half of their outline."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
     owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner)
     touched = np.zeros(len(mesh.X), dtype=bool)
     touched[corner[inner[owner]]] = True
-    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # includes all sides of these polygons
+    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # all sides of `inner`, and a few more
     p, q, polygon = corner[candidates], ahead[candidates], owner[candidates]
     length = np.linalg.norm(mesh.X[p] - mesh.X[q], axis=1)
     order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
@@ -196,8 +196,8 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """(c,) polygons to cut: openings in which stripes are wanted, and material that crossing stripes divide, too."""
-    least = 0.5  # stripes are wanted in a larger share of the area
+    """Return a mask (c,) of polygons to cut: openings where the field applies, and material that may be cut again."""
+    least = 0.5  # the field must apply on a larger fraction of the area
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
         return crossed
@@ -211,9 +211,10 @@ def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class StripeCut:
-    """A corner field during a cut: `active` (c,) polygons are cut, `solid` (c,) polygons lie wholly inside stripes.
+    """A corner field during a cut, which divides the `active` (c,) polygons; `solid` (c,) lie inside stripes.
 
-    source : (c,) number of each polygon before the last split.    edges : (l, 2) see `corner_band`."""
+    seen   : the field.    tip : see `TIP`.    edges : (l, 2) see `corner_band`.
+    source : (c,) number that each polygon had before the last split."""
 
     seen: PolygonField
     levels: Floats
@@ -236,7 +237,7 @@ class StripeCut:
         return slots, cells.following[slots]
 
     def with_snapped_stripes(self, fraction: float) -> "StripeCut":
-        """Move each stripe onto vertices near its edges, with an unchanged width."""
+        """Move stripes onto vertices near their edges; their widths do not change."""
         values = self.seen.values
         reach = np.zeros(values.size)
         for side in (0, 1):
@@ -246,7 +247,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved))
 
     def with_snapped_values(self, side: int) -> "StripeCut":
-        """Move only the upper (0) or the lower (1) values onto levels within the snap fraction `tip`."""
+        """Move one edge of the stripes, upper (0) or lower (1), onto vertices within the snap fraction `tip`."""
         x = self.seen.values.ravel()
         a, b, difference = self._side_ends(side)
         free = np.ones(len(x), dtype=bool)
@@ -254,7 +255,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices, at the levels in the first polygon, to edges across which the field changes its sign."""
+        """Add vertices at levels to edges across which the field changes its sign; the first polygon decides where."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():
@@ -267,9 +268,9 @@ class StripeCut:
         return state._after_split(split, side)
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
-        """Cut the active polygons along the levels of the upper (0) or lower (1) field; return also the strips (c',).
+        """Cut the active polygons along levels of the upper (0) or lower (1) field; return also strips (c',).
 
-        above : whether a polygon that lies on a level belongs to the strip above. Every new polygon has an area."""
+        Strip j has j levels below it. above : True puts a polygon that lies on a level into the strip above."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh

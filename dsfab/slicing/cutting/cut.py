@@ -1,4 +1,4 @@
-"""`cut` divides a surface exactly along level lines of linear fields. Cells of a sheet can be divided again."""
+"""`cut` divides a surface exactly along level lines of fields that are linear on each face."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -26,26 +26,26 @@ from dsfab.surface import Surface, corners_of, faces_at
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from dsfab.surface.mesh import ZERO_AREA
 
-LEVEL_GAP = 1e-6  # Levels that differ by less than this share of the field's range count as equal.
+LEVEL_GAP = 1e-6  # Levels count as equal if they differ by less than this fraction of the field's range.
 
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""Marks material (c,) for later fields to divide. Arguments: polygons, number of a field, faces near blank faces."""
+"""Marks material (c,) that later fields shall divide, too. Arguments: the polygons, the number of the last field, and
+a mask (m,) of the blank faces of this field and of the faces beside them."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
-    """Cut a surface along the levels of several fields; return all cells, material and void.
+    """Cut a surface along the levels of several fields; return a sheet of all cells, material and void.
 
-    fields : values on the vertices, linear over each face; any unit. (n,) each, or (n, 2) for stripes whose width
-             varies over a face: two fields z + d and z - d, with levels at the middles of the stripes. A `CornerField`
-             holds values that differ between the faces at a vertex. A `DividedField` is linear over parts of faces;
-             all divided fields share one division, and come before any `CornerField`.
-    levels : ascending values for each field. Strip j of a field has j levels below it, and odd strips are material. Two
-             equal levels (see `LEVEL_GAP`) enclose nothing and are left out. For a pair of fields, material has more
-             levels below the first field than below the second field: |z - level| < d.
-    snap   : 0 to 0.4. To avoid slivers, a value at a vertex first moves onto a level that is nearer than this fraction
-             of the largest range over the vertex's edges. A line moves by at most this fraction of an edge. Use 0 for
-             exact areas; values within `SNAP_FLOOR` always move, and so do values at corners of cells without area.
+    fields : values (n,) on the vertices, linear on each face, in any unit. Stripes of variable width need values (n,
+             2): z + d and z - d, with levels at the middles of the stripes. The values of a `CornerField` may differ
+             between the faces at a vertex. A `DividedField` is linear on parts of faces. All divided fields must share
+             one division, and must come before any `CornerField`.
+    levels : ascending values for each field. Strip j of a field has j levels below it, and odd strips are material.
+             Two equal levels (see `LEVEL_GAP`) are left out. With values (n, 2), material has |z - level| < d.
+    snap   : 0 to 0.4. A value at a vertex first moves onto a level that is nearer than this fraction of the largest
+             range over the vertex's edges. This avoids slivers, and moves a line by at most this fraction of an edge.
+             Use 0 for exact areas; even then, values within `SNAP_FLOOR` and at corners of cells without area move.
 
     A cell is material if any field makes it material. Later fields do not cut the material of earlier fields. A face
     that lies wholly on a level is void. The cells are in the order of their parent faces. The first n vertices are the
@@ -57,7 +57,7 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
 
 
 def sheet_of(mesh: PolygonMesh) -> Sheet:
-    """Fill the polygons of `cut_polygons` with triangles. Raises PatternError for triangles without area."""
+    """Return the sheet of a mesh from `cut_polygons`, in triangles. Raises PatternError for triangles without area."""
     cut_surface, cell, sides_on = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs, sides_on, mesh.lines)
 
@@ -69,9 +69,9 @@ def cut_polygons(
     snap: float = 0.05,
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
-    """Return the polygons of `cut` before they are filled with triangles.
+    """Cut a surface as `cut` does; return the polygons before they are divided into triangles.
 
-    mesh : void polygons to start from, with lines of an earlier cut; default: the faces of the surface."""
+    mesh : void polygons to cut, which may have lines of an earlier cut; default: the faces of the surface."""
     return polygons_along(surface, fields, *checked_lines(surface, fields, levels), snap, mesh=mesh)
 
 
@@ -84,7 +84,7 @@ def polygons_along(
     divided_again: DividedAgain | None = None,
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
-    """Cut a surface as `cut_polygons` does, along the values and levels of `checked_lines`.
+    """Cut a surface as `cut_polygons` does; values, levels : results of `checked_lines`.
 
     divided_again : marks material that later fields divide, too; default: none."""
     if not 0 <= snap <= 0.4:
@@ -135,9 +135,9 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split the void polygons by values x (n',) or (n', 2) of a field; return also a mask (c',) of the new material.
+    """Split void polygons by a field x (n',) or (n', 2); return the splits, and a mask (c',) of the new material.
 
-    edges : (l, 1 or 2) the lines of the mesh on the levels of each field."""
+    edges : (l, 1 or 2) row of `CutLines` for each level."""
     if x.ndim == 2:
         return _band(mesh, x, lines, snap, size, edges)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
@@ -149,11 +149,9 @@ def _band(
 ) -> tuple[list[Split], Bools]:
     """Split the void cells by x[:, 0], then by x[:, 1]; return both splits, and a mask of the material cells.
 
-    Cells that lie wholly inside or wholly outside stripes are not cut (see `cells_without_edges`).
-
-            x[:, 0] = level . ' material
-        . '        ' .                      Both edges of a stripe meet at its tip. There the second split
-          void         x[:, 1] = level      uses the vertex of the first split."""
+        x[:, 0] = level . ' material        Cells wholly inside or outside stripes are not cut.
+    . '        ' .                          At the tip of a stripe, the second split uses the vertex
+      void         x[:, 1] = level          of the first split, so both edges meet."""
     cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
@@ -172,7 +170,7 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
-    """Fill polygons with triangles; return also the polygon (m',) of each, ascending, and the lines (m', 3) of sides.
+    """Divide polygons into triangles; return them, the polygon (m',) of each, ascending, and their `sides_on` (m', 3).
 
     parent : (c,) faces. Raises PatternError for triangles without area, and names their parent faces."""
     F, cell = triangulate(cells, X)
@@ -198,7 +196,7 @@ def checked_lines(
 def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
     if isinstance(field, DividedField):
         if (field.divided.whole.n, field.divided.whole.m) != (surface.n, surface.m):
-            raise ValueError(f"field {k} is on the parts of another surface")
+            raise ValueError(f"field {k} divides another surface")
         return field.at_vertices
     x = field.x if isinstance(field, CornerField) else np.asarray(field, dtype=np.float64)
     if x.shape not in ((surface.n,), (surface.n, 2)):
@@ -210,8 +208,8 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """Return distinct levels: an odd number of equal levels leaves one level, an even number leaves none. For a
-    pair of fields, every number of equal levels leaves one level."""
+    """Return distinct levels. For a field (n,), an odd number of equal levels leaves one level, an even number none.
+    For a field (n, 2), equal levels always leave one level."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
@@ -225,9 +223,9 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 
 def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
-    """Return cells (k,) of a sheet, and their neighbours, as polygons to cut; and the cell (c,) of each, ascending.
+    """Return cells (k,) of a sheet, and their neighbours, as polygons to cut; and the cell (c,) of each.
 
-    A neighbour gets the new vertices on common edges. Vertices keep their order."""
+    Cells are ascending. A neighbour gets the new vertices on common edges. Vertices keep their order."""
     surface = sheet.surface
     selected = np.zeros(surface.m, dtype=bool)
     selected[cells] = True
@@ -243,7 +241,7 @@ def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
 
 
 def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
-    """Return a sheet with the divided polygons of `recut_polygons` in place of their cells `source` (c,)."""
+    """Return a sheet in which polygons replace the cells `source` (c,) that `recut_polygons` took from it."""
     surface = sheet.surface
     stay = np.ones(surface.m, dtype=bool)
     stay[source] = False
@@ -264,7 +262,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Return values (n',) or (n', 2) at a sheet's vertices, for a field that is linear over parts of uncut faces."""
+    """Return values (n',) or (n', 2) at a sheet's vertices; the field is linear on parts of uncut faces."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

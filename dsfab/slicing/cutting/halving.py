@@ -1,8 +1,8 @@
-"""Halving: where two families of lines crowd, every second line is left out, or three lines of four.
+"""Halving: where lines of two families come too close together, only each second or fourth line remains.
 
-Line k stays if k is a multiple of 2^level. A line may end only on a line of the other family. So the level is constant
-in each opening. The first family is halved in the openings between lines that always stay. Then the second family is
-halved in the openings that the remaining lines of the first family make."""
+At halving level h, line k remains if k is a multiple of 2^h. A line may end only on a line of the other family, so the
+level is constant in each opening. The first family is halved in the openings between lines that always remain. Then
+the second family is halved in the openings between these lines and the remaining lines of the first family."""
 
 from dataclasses import dataclass, replace
 
@@ -16,7 +16,7 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import link_components
 
 GAIN = 0.45
-"""Least fall of log2(P95 / P5) of the spacings for which more lines are left out.
+"""Minimum fall of log2(P95 / P5) of the spacings that justifies a halving beyond the limits.
 Stress makes lines crowd; structures are up to a tenth softer without these lines."""
 
 
@@ -25,8 +25,8 @@ class LineHalving:
     """Polygons between lines after halving, and the number of halvings in each polygon.
 
     mesh   : the polygons.    level : (c, 2) number of halvings of each family in each polygon.
-    phases : both fields; values near whole numbers are moved onto them.
-    first  : the family that was halved first; lines of the second family may end on its lines."""
+    phases : both fields, with values moved onto whole numbers nearby.
+    first  : the family that was halved first; lines of the other family may end on its lines."""
 
     mesh: PolygonMesh
     level: Ints
@@ -34,13 +34,13 @@ class LineHalving:
     first: int = 0
 
     def drawn_share(self, surface: Surface, family: int, level: int) -> Floats:
-        """(m,) share of each face's area with at most `level` halvings of a family."""
+        """Return the fraction (m,) of each face's area that has at most `level` halvings of a family."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         drawn_area = area * (self.level[:, family] <= level)
         return np.asarray(np.bincount(self.mesh.parent, drawn_area, surface.m) / surface.areas)
 
     def mean_scale(self, surface: Surface, family: int) -> Floats:
-        """(m,) mean share of a family's lines that remain in each face."""
+        """Return the mean fraction (m,) of a family's lines that remain in each face."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         scaled_area = area * 0.5 ** self.level[:, family]
         return np.asarray(np.bincount(self.mesh.parent, scaled_area, surface.m) / surface.areas)
@@ -53,10 +53,10 @@ def halve_lines(
     level_limits: tuple[int, int],
     uncapped_target: tuple[Floats, Floats] | None = None,
 ) -> LineHalving:
-    """Halve two families of lines, at whole numbers of phases (n, 1), in the openings between them.
+    """Halve two families of lines, which lie where their phase (n, 1) is a whole number.
 
-    target          : (m,) wanted halvings of each family; an opening takes the mean, rounded down (`split_value`).
-    level_limits    : largest number of halvings of each family: multiples of 2^limit are drawn everywhere.
+    target          : (m,) ideal number of halvings, for each family; an opening takes the mean, see `split_value`.
+    level_limits    : largest number of halvings of each family. Lines at multiples of 2^limit always remain.
     uncapped_target : (m,) targets without limits; used if they make spacings more even by `GAIN`."""
     mesh, uncapped_target = PolygonMesh.from_surface(surface), uncapped_target or target
     level = np.zeros((surface.m, 2), dtype=np.int64)
@@ -112,10 +112,10 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """(p,) mask of inner edges on drawn lines, which lie at multiples of the smaller period (c,) of both polygons.
+    """Return a mask (p,) of inner edges on remaining lines, whose numbers are multiples of a polygon's `period` (c,).
 
-    The function compares the middles of both strips, because half-integers stay exact under sign and shift. All sides
-    of blank faces are walls."""
+    An edge lies on a line if its polygons are in different strips for the smaller of both periods. Strips are compared
+    by their middles, because sign and shift do not round these. All sides of blank faces are walls."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
     y = seen.slot_values(0)
@@ -129,10 +129,10 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
-    """(c,) halvings in each polygon's opening: the mean target, rounded down by `split_value`, up to `level_limit`.
+    """Return the halvings (c,) of each polygon: the mean target in its opening, rounded down, up to `level_limit`.
 
-    Uncapped targets are used if they make spacings more even by `GAIN`. For example, an opening with targets 2 and 0.4
-    is halved once under a limit of 1; with targets capped at 1 the mean is below 1."""
+    Uncapped targets are used if they make spacings more even by `GAIN`. For example, with targets 2 and 0.4 and the
+    limit 1, an opening is halved once. Targets capped at 1 would have too small a mean."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
     count, opening = link_components(len(mesh.parent), owner[slot_a[open_]], owner[slot_b[open_]])

@@ -24,7 +24,7 @@ class PolygonMesh:
     F       : (m, 3) the faces of the uncut surface.
     weights : (n', n) barycentric weights of the vertices on the uncut vertices.
     again   : (c,) material that later fields divide, too.
-    also    : (c,) at a crossing, the second field that makes a polygon material; else `VOID`.
+    also    : (c,) at a crossing, the second family that makes a polygon material; else `VOID`.
     stubs   : number of removed and straightened stripes, see `Sheet`.
     lines   : the lines that sides of polygons lie on, see `Cells.sides_on`."""
 
@@ -57,17 +57,17 @@ class PolygonMesh:
         return cls.from_cells(F, Cells.triangles(F), V, sheet.weights, sheet.parent, sheet.family).with_lines_of(sheet)
 
     def with_lines_of(self, sheet: Sheet) -> Self:
-        """Return the polygons, which must be the triangles of a sheet, with the sheet's lines."""
+        """Return the mesh with the lines of a sheet, whose triangles must be the polygons of this mesh."""
         return replace(self, cells=Cells.triangles(sheet.surface.F, sheet.sides_on), lines=sheet.lines)
 
     @classmethod
     def from_cells(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
-        """Return polygons with parent and family (c,) on X (n', 3), metres, without crossings."""
+        """Return a mesh without crossings; parent, family : (c,) of the polygons; X : (n', 3) vertices, metres."""
         count = len(family)
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Make void polygons in the mask (c,) material of field k; in blank faces (m,) such polygons are nodes."""
+        """Return the mesh after field k made polygons (c,) material; new material in blank faces (m,) becomes nodes."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
@@ -80,7 +80,7 @@ class PolygonMesh:
 
     @property
     def material_area(self) -> float:
-        """Square metres of the polygons that are not void."""
+        """Area of the polygons that are not void, square metres."""
         return float(self.cells.areas(self.X)[0][~self.void].sum())
 
     @cached_property
@@ -90,13 +90,11 @@ class PolygonMesh:
 
     @cached_property
     def support(self) -> Ints:
-        """(n',) one uncut vertex near each vertex: a corner of the edge or face that the vertex lies in."""
+        """(n',) one uncut vertex for each vertex: a corner of the edge or face that the vertex lies on."""
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
-        """Return the mesh divided by a split.
-
-        lines : (l or 1, c' or 1) the line of each level in each new polygon; None for no lines."""
+        """Return the mesh divided by a split; lines : (l or 1, c' or 1) for each level in each new polygon, or None."""
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
         names, source = ("parent", "family", "again", "also"), split.source
@@ -105,7 +103,8 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """(p,) each, for inner edges: slots of both sides; the second polygon's slot at the start of the first side."""
+        """Three arrays (p,) for the inner edges: the slot of the edge in its first and in its second polygon; and the
+        second polygon's slot at the vertex where the first slot's side begins."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -114,14 +113,14 @@ class PolygonMesh:
 
     @cached_property
     def polygon_across(self) -> Ints:
-        """(h,) the polygon across each side, or -1."""
+        """(h,) the polygon on the other side of each side, or -1."""
         slot_a, slot_b, _ = self.neighbours
         owner, polygon = self.cells.owner, np.full(len(self.cells.corner), -1)
         polygon[slot_a], polygon[slot_b] = owner[slot_b], owner[slot_a]
         return polygon
 
     def part_labels(self, marked: Bools) -> Ints:
-        """(c,) connected part of each marked polygon, -1 for the rest; parts connect across sides."""
+        """Return for each marked polygon the number (c,) of its connected part, else -1; only common edges connect."""
         slot_a, slot_b, _ = self.neighbours
         f, g = self.cells.owner[slot_a], self.cells.owner[slot_b]
         joined = marked[f] & marked[g]
@@ -134,7 +133,7 @@ class PolygonMesh:
         return np.ascontiguousarray(self.F.T)
 
     def corner(self, face: Ints, vertex: Ints) -> Ints:
-        """Return the places (k,), 0 to 2, of uncut vertices (k,) among the corners of faces (k,)."""
+        """Return which corner, 0 to 2, of the uncut faces (k,) the uncut vertices (k,) are."""
         _, second, third = self._corners
         return np.asarray((second[face] == vertex) + 2 * (third[face] == vertex))
 
@@ -147,13 +146,13 @@ def _rim(surface: Surface) -> Ints:
 
 
 def corner_places(F: Ints, vertex: Ints) -> Ints:
-    """(k,) places, 0 to 2, of vertices (k,) among the corners of faces (k, 3)."""
+    """Return which corner, 0 to 2, of the faces (k, 3) the vertices (k,) are."""
     _, second, third = F.T
     return np.asarray((second == vertex) + 2 * (third == vertex))
 
 
 def weights_after_split(weights: csr_array, split: Split) -> csr_array:
-    """Append the weights of a split's new vertices: (n' + k, n), at most three entries in a row, all of one face."""
+    """Append the weights (k, n) of a split's new vertices; a row has at most three entries, at corners of one face."""
     new_weights = split.new_weights(weights.shape[0]) @ weights
     data, indices = (
         np.concatenate([getattr(part, name) for part in (weights, new_weights)]) for name in ("data", "indices")
@@ -167,7 +166,8 @@ class Contacts:
     """Stretches (k,) of outline along which two parts (p,) touch.
 
     parts  : (k, 2) both parts; the second is -1 for an edge of the surface or an anchor.    length : (k,) metres.
-    links  : (l, 2) consecutive stretches around a part; stretch i is i for its first part, and i + k for its second.
+    links  : (l, 2) consecutive stretches around a part. Each stretch i has two numbers here: i on its first part, and
+             i + k on its second part.
     around : (p,) length of each part's outline, metres."""
 
     parts: Ints
@@ -218,10 +218,10 @@ class Contacts:
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
     def dead_ends(self, gone: Bools) -> Bools:
-        """(p,) parts with one contact only, to a part or an edge of the surface, along less than half of their outline.
+        """Return a mask (p,) of parts with only one contact, which takes less than half of their outline.
 
-        Consecutive stretches are one contact: a stripe that ends in the corner between two stripes has one contact.
-        gone : (p,) removed parts."""
+        Contacts are to parts or edges of the surface. Consecutive stretches are one contact: a stripe that ends in the
+        corner between two stripes has one contact. gone : (p,) removed parts."""
         part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
         live[row] = True
@@ -232,13 +232,15 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
-        """(k,) parts with a single neighbour along a single stretch, and (k,) their neighbours."""
+        """Return the parts (k,) with a single neighbour along a single stretch, and these neighbours (k,)."""
         part, neighbour, _, _ = self._remaining(gone)
         is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
         return part[is_single], neighbour[is_single]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
-        """(p,) parts that lose all connections to edges of the surface, anchors and parts that always stay."""
+        """Return a mask (p,) of parts that lose all connections when more parts are removed.
+
+        Connections are to an edge of the surface, an anchor or a part in `stays` (p,). before, gone : (p,) removed."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:
@@ -260,7 +262,7 @@ class Contacts:
 
 
 def adjacent_sides(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
-    """Return pairs (l,), (l,) of sides (k,) with equal `group` and a common vertex; ends : (k, 2) vertices < count."""
+    """Return pairs (l,), (l,) of sides (k,) of the same group with a common vertex; ends : (k, 2) vertices < count."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)

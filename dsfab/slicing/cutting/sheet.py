@@ -1,4 +1,4 @@
-"""`Sheet`: a surface that is cut into material and void cells. Parts of a sheet as surfaces, and finer meshes."""
+"""`Sheet`: a surface that is cut into material and void cells; also parts of it as surfaces, and finer meshes."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 VOID = -1  # The family of a void cell.
 
 ON_SIMPLEX = 1 - 1e-9
-"""Least interpolated value of a mask between marked vertices: 1, up to rounding errors."""
+"""Between marked vertices, an interpolated mask has at least this value: 1, up to rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class SheetPart:
 
     @cached_property
     def parent_edges(self) -> Ints:
-        """(e,) the edge of `cut_surface` at each edge of the part."""
+        """(e,) number in `cut_surface` of each edge of the part."""
         edges = np.empty(len(self.surface.edges.ends), dtype=np.int64)
         edges[self.surface.edges.of] = self.cut_surface.edges.of[self.cells]
         return edges
@@ -63,23 +63,23 @@ class SheetPart:
 class LineKind(IntEnum):
     """Kinds of lines that the sides of cells lie on."""
 
-    NONE = 0  # the side is inside the material or inside the void
+    NONE = 0  # no line: the side lies between two cells of material, or between two void cells
     RIM = 1  # the boundary of the uncut surface
-    END = 2  # edges of the uncut mesh, where stripes end because they have no phase
+    END = 2  # edges of the uncut mesh where stripes end, because the face beyond has no phase
     LEVEL = 3  # a level of a field: an edge of a stripe, or the outline of a kept region
     FILLET = 4  # the chords of a round corner
-    STRIP = 5  # the outline of a bridge, of a strip beside a member, or of a straightened bar
-    DISC = 6  # the outline of discs at point contacts
-    CHORD = 7  # the chords along which spikes were cut off
+    STRIP = 5  # the outline of a bridge, of a straightened bar, or of a strip that widens a member
+    DISC = 6  # the outline of discs of material, which join cells that met at a point only
+    CHORD = 7  # straight lines along which spikes were cut off
 
 
 @dataclass(frozen=True, eq=False)
 class CutLines:
     """Lines that the sides of cells lie on. The first three are `NONE`, `RIM` and `END`.
 
-    kind   : (l,) of `LineKind`.
-    field  : (l,) index of the field of a level; -1 for other kinds.
-    number : (l,) 2 j for the lower and 2 j + 1 for the upper edge of stripe j, counted in the sign of the cell's face;
+    kind   : (l,) the `LineKind` of each line.
+    field  : (l,) index of the field, for lines of kind LEVEL; -1 for other kinds.
+    number : (l,) 2 j for the lower and 2 j + 1 for the upper edge of stripe j, in the numbering of the cell's face;
              for other kinds, the index among the lines of the kind.
     circle : (l, 7) centre, unit axis and radius of a fillet, metres; 0 for other kinds."""
 
@@ -90,7 +90,7 @@ class CutLines:
 
     @classmethod
     def first_three(cls) -> "CutLines":
-        """Return the lines of an uncut surface."""
+        """Return the lines `NONE`, `RIM` and `END`, which exist in every sheet."""
         return cls(np.arange(3), np.full(3, -1), np.zeros(3, dtype=np.int64), np.zeros((3, 7)))
 
     @property
@@ -110,21 +110,21 @@ class CutLines:
 class Sheet:
     """A cut surface with n' vertices and m' triangles (cells), each inside one face of the uncut surface (n, m).
 
-    surface : the cells, oriented as the faces they lie in.
-    parent  : (m',) face of the uncut surface that a cell lies in.
-    family  : (m',) index of the field that made the cell material, `VOID` (-1) for void.
-    weights : (n', n) barycentric weights of the vertices on the uncut surface's vertices: not negative, at most three
-              in a row, rows sum to 1. A vertex of the uncut surface has itself with weight 1.
+    surface : the cells, with the orientation of their parent faces.
+    parent  : (m',) face of the uncut surface that contains a cell.
+    family  : (m',) index of the field that made the cell material; `VOID` (-1) for void cells.
+    weights : (n', n) barycentric weights of the vertices on the uncut surface's vertices. They are not negative. Each
+              row has at most three weights, with sum 1. A vertex of the uncut surface has the weight 1 on itself.
     stubs   : number of places where the cut removed or straightened stripes beyond their last crossings.
-    sides_on : (m', 3) the line of each half-edge, a row of `lines`. In a sheet with void cells, the line may be known
-              at only one half-edge of an edge. In a sheet of the material, exactly the outline has lines:
+    sides_on : (m', 3) row of `lines` for each half-edge. In a sheet with void cells, sometimes only one of both
+               half-edges of an edge has the line. In a sheet of material only, exactly the outline has lines:
 
-                     3
-                 +-------+.  5               1    : the rim, where a stripe ends at the boundary of the surface
-               1 |0   0 / 0 `+               3, 4 : both edges of the stripe, `LineKind.LEVEL`
-                 |  / 0   0  | 4             5    : a fillet, with its circle
-                 +-----------+               0    : inside the material
-                       4"""
+                   3
+               +-------+.  5               1    : the rim, where a stripe ends at the boundary of the surface
+             1 |0   0 / 0 `+               3, 4 : both edges of the stripe, `LineKind.LEVEL`
+               |  / 0   0  | 4             5    : a fillet, with its circle
+               +-----------+               0    : inside the material
+                     4"""
 
     surface: Surface
     parent: Ints
@@ -137,7 +137,7 @@ class Sheet:
     def __post_init__(self) -> None:
         lock(self, "parent", np.int64, (None,))
         lock(self, "family", np.int64, (None,))
-        if len(self.sides_on) != self.surface.m:  # without lines, all sides get line 0
+        if len(self.sides_on) != self.surface.m:  # no lines: all sides get 0
             object.__setattr__(self, "sides_on", np.zeros((self.surface.m, 3), dtype=np.int64))
         lock(self, "sides_on", np.int64, (self.surface.m, 3))
         weights = csr_array(self.weights, copy=True)
@@ -150,11 +150,11 @@ class Sheet:
             raise ValueError(f"expected {self.surface.m} cells and {self.surface.n} vertices, got {shapes}")
 
     def to_trimesh(self) -> "trimesh.Trimesh":
-        """The cells as a trimesh, metres."""
+        """The cells as a trimesh object, metres."""
         return self.surface.to_trimesh()
 
     def to_pyvista(self) -> "pyvista.PolyData":
-        """The cells as a pyvista mesh, metres, with `family` and `parent` of each."""
+        """The cells as a pyvista mesh, metres, with the cell data `family` and `parent`."""
         mesh = self.surface.to_pyvista()
         mesh.cell_data["family"], mesh.cell_data["parent"] = self.family, self.parent
         return mesh
@@ -195,14 +195,14 @@ class Sheet:
         return Walls.from_cells(self.surface, ~self.material)
 
     def carry(self, x: Floats) -> Floats:
-        """Interpolate values x (n, ...) on the uncut surface's vertices linearly to this sheet's (n', ...)."""
+        """Interpolate values x (n, ...) at the uncut surface's vertices; return values (n', ...) at this sheet's."""
         return np.asarray(self.weights @ x)
 
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
-        """Interpolate values x (m, 3, k) at the corners of the uncut faces F (m, 3) to this sheet's vertices (n', k).
+        """Interpolate values x (m, 3, k) at the corners of uncut faces F (m, 3); return (n', k) at the vertices.
 
-        Each vertex takes the values in the parent face of its first cell, because on a Moebius strip a second face may
-        see vectors from its back. The result equals `carry` if all corners at each vertex have equal values."""
+        Each vertex takes the values of one face, the parent of its first cell. A second face may be reversed and see
+        vectors from its back, as on a Moebius strip. If all corners at each vertex agree, the result equals `carry`."""
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
         parent = self.parent[corner // 3]
@@ -215,10 +215,10 @@ class Sheet:
         )
 
     def vertices_between(self, surface: Surface, marks: Bools, edges: Bools | None = None) -> Bools:
-        """Return a mask (n', ...) of the vertices that lie between marked vertices (n, ...) of the uncut surface.
+        """Return a mask (n', ...) of the vertices that lie on or between marked vertices (n, ...) of the uncut surface.
 
         edges : (e, ...) marked edges of the uncut surface; default: the edges that the marks span (`spanned_edges`).
-        A vertex within a face counts if all three edges of the face are marked and at least one is an inner edge."""
+        A vertex inside a face counts if all three edges of the face are marked and at least one is an inner edge."""
         result: Bools = np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
         table = surface.edges
         edges = spanned_edges(surface.F, table, marks) if edges is None else edges
@@ -234,7 +234,7 @@ class Sheet:
         return result
 
     def same_vertex(self) -> Ints:
-        """(n,) the vertex of this sheet at each vertex of the uncut surface, -1 for vertices that the cut removed."""
+        """Return the vertex (n,) of this sheet at each uncut vertex, -1 for vertices that the cut removed."""
         weights = self.weights.tocoo()
         is_vertex = weights.data >= ON_SIMPLEX
         vertex = np.full(weights.shape[1], -1)
@@ -242,7 +242,7 @@ class Sheet:
         return vertex
 
     def subset(self, mask: Bools | None = None) -> "Sheet":
-        """Return the sheet of the marked cells (m',), by default of the material, without unused vertices.
+        """Return a sheet of the marked cells (m',) only, default: the material; its vertices are numbered anew.
 
         Raises PatternError if no cell is marked."""
         return self._material_sheet if mask is None else self._part_sheet(mask)
@@ -264,7 +264,7 @@ class Sheet:
 
     @cached_property
     def lines_of_edges(self) -> Ints:
-        """(m', 3) the line of each half-edge; if it has none, the line of its twin."""
+        """(m', 3) the line of each half-edge; if it has none, the line of the opposite half-edge."""
         line, twin = self.sides_on.ravel(), self.surface.edges.twins
         return np.where((line == 0) & (twin >= 0), line[twin], line).reshape(-1, 3)
 
@@ -277,7 +277,7 @@ class Sheet:
 
 
 def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
-    """Return columns and values (k, 3) of barycentric weights (k, n), each row padded with zeros."""
+    """Return columns and values (k, 3) of the nonzero barycentric weights (k, n); missing entries are 0."""
     count = np.diff(weights.indptr)
     place = np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], count)
     row = np.repeat(np.arange(len(count)), count)
@@ -287,9 +287,9 @@ def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
 
 
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
-    """(count,) hydraulic diameters 4 area / perimeter, metres, of pieces of a part; infinite without closed walls.
+    """Return the hydraulic diameter (count,) of each piece of a part, 4 area / perimeter, metres.
 
-    walls : (e,) mask of edges.    label : (f,) the piece of each face, below `count`."""
+    It is infinite unless walls enclose the piece. walls : (e,) mask of edges.    label : (f,) piece of each face."""
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
     piece = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
@@ -301,7 +301,7 @@ def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) ->
 
 
 def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) -> Floats:
-    """(count,) weighted median, without NaN, of the values (k,) under each label (k,); infinite for zero weight."""
+    """Return the weighted median (count,) of the values (k,) with each label (k,), without NaN; else infinity."""
     valid = np.flatnonzero((weight > 0) & ~np.isnan(values))
     order = valid[np.lexsort((values[valid], label[valid]))]
     x, group = values[order], label[order]
@@ -313,19 +313,19 @@ def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) ->
     return result
 
 
-CREASE_COSINE = np.cos(np.radians(30))  # creases have a smaller cosine of a face's normal and a vertex's mean normal
+CREASE_COSINE = np.cos(np.radians(30))  # at a crease, a face's normal is over 30 degrees from the vertex's mean normal
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
-    """Quadratic patches: a point at barycentric coordinates l moves by the sum of 4 l_i l_j bulge over edges i-j.
+    """Curved patches: a point with barycentric weights l moves by the sum of 4 l_i l_j bulge over the edges i-j.
 
     surface : the flat faces.
-    bulge   : (e, 3) vector from the middle of each chord to its curved edge, metres; 0 for flat faces and creases.
+    bulge   : (e, 3) vector from the middle of each edge to its curve, metres; 0 for flat faces and creases.
 
-    The edge is a cubic curve from a to b, perpendicular to the normals n_a and n_b at its ends; its middle gives the
-    bulge [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. The bulge
-    does not depend on the sign of the normals. Patches have the same bulge at a common edge, so there is no gap."""
+    The curve of an edge from a to b is cubic, and perpendicular to the normals n_a and n_b at its ends. Its middle
+    gives bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8 [Vlachos, Peters, Boyd and Mitchell 2001]. The sign of
+    the normals does not matter. Two patches have the same bulge at their common edge, so there is no gap."""
 
     surface: Surface
     bulge: Floats
@@ -345,7 +345,7 @@ class SmoothSurface:
         return cls(surface, total / edges.count[:, None])
 
     def points(self, weights: csr_array) -> Floats:
-        """Return the points (k, 3), metres, with barycentric weights (k, n); each row is a point in one face."""
+        """Return points (k, 3) on the patches, metres; weights : (k, n) barycentric, each row in a single face."""
         flat = np.asarray(weights @ self.surface.V)
         if not self.bulge.any():
             return flat
@@ -363,12 +363,12 @@ def _normal_component(chord: Floats, normal: Floats) -> Floats:
 
 
 def _corner_normals(surface: Surface) -> Floats:
-    """Return unit normals (m, 3, 3) at the corners of faces: the vertex's mean, or the face's normal at a crease."""
+    """Return unit normals (m, 3, 3) at the corners of faces: the vertex's mean, but the face's own at a crease."""
     corner, face = surface.F.ravel(), np.repeat(np.arange(surface.m), 3)
     first_face = np.zeros(surface.n, dtype=np.int64)
     first_face[corner[::-1]] = face[::-1]
     face_normals = surface.normals[face]
-    # on a one-sided sheet, normals around a vertex may be opposite; all take the side of the first face
+    # on a one-sided sheet, normals at a vertex may be opposite: turn them to the side of the vertex's first face
     side = np.where((face_normals * surface.normals[first_face[corner]]).sum(axis=1) < 0, -1.0, 1.0)
     weighted = face_normals * (side * surface.areas[face])[:, None]
     mean = np.stack([np.bincount(corner, weighted[:, k], surface.n) for k in range(3)], axis=1)
@@ -378,8 +378,9 @@ def _corner_normals(surface: Surface) -> Floats:
 
 
 def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
-    """Split every triangle into four, with points on the smooth surface; the old vertices come first. The weights of
-    the new vertices refer to the uncut surface, because supports and loads are defined on that surface."""
+    """Divide every triangle into four, with new vertices on the smooth surface, after the old vertices.
+
+    Weights refer to the uncut surface, because supports and loads are defined there."""
     F, edges, n = sheet.surface.F, sheet.surface.edges, sheet.surface.n
     a, b = edges.ends.T
     weights = csr_array(vstack([sheet.weights, 0.5 * (sheet.weights[a] + sheet.weights[b])]))
@@ -392,7 +393,7 @@ def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
 
 
 def meshes(sheet: Sheet, smooth: SmoothSurface) -> Iterator[Sheet]:
-    """Yield the cut mesh with its points on the smooth surface, then finer and finer meshes without end."""
+    """Yield the cut mesh with its vertices on the smooth surface, then finer and finer meshes, without end."""
     mesh = dataclasses.replace(sheet, surface=Surface(smooth.points(sheet.weights), sheet.surface.F))
     while True:
         yield mesh

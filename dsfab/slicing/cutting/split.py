@@ -1,4 +1,4 @@
-"""Polygons split along the level lines of a field, without new polygons of zero area."""
+"""Split polygons along level lines of a field, without new polygons of zero area."""
 
 from dataclasses import dataclass, fields
 from typing import NamedTuple
@@ -13,14 +13,15 @@ from dsfab.surface.mesh import ZERO_AREA
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Polygons after a cut, see `split_cells`.
+    """Result of `split_cells`: the polygons after a split.
 
-    cells  : the new polygons, on the old vertices followed by the new vertices.
+    cells  : the new polygons. A side on level l has -1 - l in `sides_on` if it is new, or had no line before.
     source : (c',) the old polygon that contains each new polygon.
     strip  : (c',) number of levels below a new polygon; -1 for inactive polygons.
-             New sides on a level l, and old sides there without a line, have -1 - l in `sides_on`.
     low, high, t : (k,) new vertex i lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
-    side, level  : (k,) the slot of the old side that a new vertex lies on, and the level there."""
+    side, level  : (k,) slot of the old side that a new vertex lies on, and the value of the level there.
+
+    The old vertices come first, then the new vertices."""
 
     cells: Cells
     source: Ints
@@ -33,18 +34,18 @@ class Split:
 
     @classmethod
     def unchanged(cls, cells: Cells, active: Bools) -> "Split":
-        """Return the polygons unchanged, with the active polygons (c,) in strip 0."""
+        """Return polygons that no level cuts; the active polygons (c,) are in strip 0."""
         no_index, no_value = np.empty(0, dtype=np.int64), np.empty(0)
         new_vertices = _NewVertices(no_index, no_index, no_value, no_index, no_value)
         return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), *new_vertices)
 
     def with_new_values(self, values: Floats) -> Floats:
-        """Append values interpolated at the new vertices to values (n, ...) at the old vertices."""
+        """Append interpolated values at the new vertices to values (n, ...) at the old vertices."""
         t = self.t.reshape(-1, *[1] * (values.ndim - 1))
         return np.concatenate([values, (1 - t) * values[self.low] + t * values[self.high]])
 
     def new_weights(self, n: int) -> csr_array:
-        """(k, n) sparse weights of the new vertices on the n old vertices."""
+        """Return sparse weights (k, n) of the new vertices on the n old vertices."""
         k = len(self.t)
         data = np.stack([1 - self.t, self.t], axis=1).ravel()
         columns = np.stack([self.low, self.high], axis=1).ravel()
@@ -53,9 +54,9 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class SideValues:
-    """A field at both ends of every side of polygons, (h,) each, in the sign and shift of the side's polygon.
+    """Values (h,) of a field at the start and the end of every side, as the side's own polygon sees it.
 
-    foreign : (k,) sides whose polygon has no value; they take the values of the polygon across the side.
+    foreign : (k,) sides whose polygon has no value; they take the values of the polygon on the other side.
     own     : (h,) the field at the slots."""
 
     start: Floats
@@ -65,12 +66,12 @@ class SideValues:
 
     @classmethod
     def from_vertices(cls, cells: Cells, x: Floats) -> "SideValues":
-        """Return the values of a field x (n,) on the vertices."""
+        """Return the values for a field x (n,) on the vertices."""
         return cls.from_slots(cells, x[cells.corner])
 
     @classmethod
     def from_slots(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
-        """Return the values of a field y (h,) at the slots; `foreign` (h,) marks sides of polygons without a value."""
+        """Return the values for a field y (h,) at the slots; foreign : (h,) sides of polygons without a value."""
         if foreign is None or not foreign.any():
             return cls(y, cells.next_values(y), np.empty(0, dtype=np.int64), y)
         start, end = y.copy(), cells.next_values(y)
@@ -79,7 +80,7 @@ class SideValues:
         which = np.flatnonzero(foreign)
         touched = np.zeros(int(a.max()) + 1, dtype=bool)
         touched[a[which]] = touched[b[which]] = True
-        candidates = np.flatnonzero(touched[a] & touched[b])  # other sides share no edge with these
+        candidates = np.flatnonzero(touched[a] & touched[b])  # other sides share no edge with `which`
         p, q = a[candidates], b[candidates]
         order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
         first_slot = np.minimum.reduceat(np.where(foreign[candidates], len(a), candidates)[order], begins)[edge]
@@ -93,7 +94,7 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """(h,) each: twice the number of levels below the start and the end of every side, plus 1 on a level.
+        """Return places (h,) of the starts and ends of sides: 2 k with k levels below, 2 k + 1 if on the next level.
 
         only : slots (k,) to evaluate; other slots get 0."""
         if only is not None:
@@ -111,13 +112,13 @@ class SideValues:
 
 @dataclass(frozen=True, eq=False)
 class _Sides:
-    """Crossings of the sides of polygons with levels, (h,) each.
+    """Crossings of sides (h,) with levels.
 
-    low   : number of levels at or below the lower end.
-    count : number of levels strictly between both ends; 0 without an active polygon.
+    low   : number of levels at or below the side's lower end.
+    count : number of levels strictly between both ends; 0 if no active polygon has the side.
     first : the new vertex nearest to the lower end; all polygons with this side share its new vertices.
-    up    : the side runs from the lower to the higher end.    flat : the side lies wholly on a level.
-    along : the numbers of the new vertices increase along the side.
+    up    : True if the side runs from the lower to the higher end.    flat : True if it lies wholly on a level.
+    along : True if the numbers of the new vertices increase from the side's start to its end.
 
         lower end o------x-------x----o higher end      low = 2, count = 2, new vertices first + 0, first + 1
                      2   |   3   |  4                   strips 2, 3, 4
@@ -151,24 +152,24 @@ def split_cells(
     above: Bools | None = None,
     live: Bools | None = None,
 ) -> Split:
-    """Cut the active polygons on n vertices along every level of a field on their sides, by straight chords.
+    """Cut the active polygons on n vertices by straight chords, along every level of a field on their sides.
 
-    Two polygons may see a field differently, by sign or shift, but get the same vertices on a common edge.
+    Two polygons may see the field with different sign or shift; still they get the same vertices on their common edge.
 
-    levels : (l,) strictly ascending. Inactive polygons get the new vertices of sides that they share with active
-             polygons, and stay whole. A side that lies on a level belongs to the strip of the side before it.
-    above  : (l,) True: a polygon that lies on a level gets the strip above it; default: the even strip, void.
-    live   : (h,) all sides of edges that get new vertices even without an active polygon."""
+    levels : (l,) strictly ascending. Inactive polygons stay whole, but get the new vertices on sides that they share
+             with active polygons. A side that lies on a level belongs to the strip of the side before it.
+    above  : (l,) True puts a polygon that lies on this level into the strip above; default: into the even strip, void.
+    live   : (h,) sides of edges that get new vertices even without an active polygon."""
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
-    if live is not None and not active.any():  # without an active polygon, only polygons at live sides change
+    if live is not None and not active.any():  # only polygons at live sides change
         only = cells.slots(np.flatnonzero(cells.per_polygon(np.logical_or, live)))
     ends = x.places(cells, levels, only)
     lowest, highest = (cells.per_polygon(np.minimum, ends[0]) + 1) // 2, cells.per_polygon(np.maximum, ends[0]) // 2
     if len(x.foreign):
         lowest = np.minimum(lowest, (cells.per_polygon(np.minimum, ends[1]) + 1) // 2)
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
-    # strips of polygons that no level cuts
+    # the strip of each polygon that no level cuts
     strip = np.where(highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest)
     strip[~active] = -1
     sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
@@ -206,7 +207,7 @@ def _sides(
     places: tuple[Ints, Ints],
     live: Bools | None,
 ) -> tuple[_Sides, _NewVertices]:
-    """The crossings of all sides, and the new vertices; polygons share the vertices of a common edge.
+    """Return the crossings of all sides, and the new vertices, which polygons with a common edge share.
 
     slots : (h,) slots of `cells` among all polygons; x, `places` and `live` refer to all polygons."""
     a, b = cells.corner, cells.next_values(cells.corner)
@@ -220,7 +221,7 @@ def _sides(
     gets_vertices = active[cells.owner[crossed]]
     if live is not None:
         gets_vertices = gets_vertices | live[slots[crossed]]
-    if len(x.foreign) and len(first_sides):  # prefer polygons with values
+    if len(x.foreign) and len(first_sides):  # take the edge's first polygon with values
         foreign = np.zeros(len(x.start), dtype=bool)
         foreign[x.foreign] = True
         rank = np.where(foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
@@ -246,12 +247,11 @@ def _sides(
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
     """Return the same polygons with the new vertices as corners, and the strip of each side.
 
-    A side on a level gets the strip of the last side before it that is on no level; each polygon must have such a side.
-    """
+    A side on a level gets the strip of the nearest side before it that lies on no level. Such a side must exist."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
-    step = np.arange(offset[-1]) - offset[side]  # 0 for an old corner, then 1, 2, ... for new corners
+    step = np.arange(offset[-1]) - offset[side]  # 0 at an old corner, then 1, 2, ... at new corners
     climbed = np.where(sides.up[side], step, sides.count[side] - step)
     corner = sides.first[side] + np.where(sides.along[side], step - 1, sides.count[side] - step)
     corner[offset[:-1]] = cells.corner
@@ -264,16 +264,16 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # flat sides at a polygon's start take its last strip
+    before = source < cells.start[:-1][cells.owner]  # flat first sides take the last strip
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
 
 def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
-    """Divide polygons into a polygon for each strip: the sides in this strip, closed by chords.
+    """Divide each polygon into one polygon for each strip: the sides in this strip, closed by chords.
 
-        b            Sides a-b and c-d are of strip 1. A side gives its first corner, and also its last corner
-      / |  strip 2   if the next side is of another strip (b and d). So a b c d is the new polygon, with
+        b            Sides a-b and c-d are in strip 1. Each gives its first corner (a, c). Each also gives its last
+      / |  strip 2   corner (b, d), because the next side is in another strip. So a b c d is the new polygon, with
     a   |            the chords b-c and d-a.
     |   c
     d /   strip 0"""
@@ -303,7 +303,7 @@ def _with_pieces(
 ) -> Split:
     """Replace the polygons `which` (k,) by their pieces, in order.
 
-    sides_on, strip : (h,) lines and (c,) strips of the polygons before."""
+    sides_on, strip : (h,) and (c,) of all polygons before the replacement, see `Cells` and `Split`."""
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(row, minlength=len(which))
@@ -323,15 +323,15 @@ def _with_pieces(
 
 
 CELL_AREA = 1e3 * ZERO_AREA
-"""Least area of a cell, divided by the squared size of the surface: the least that `Surface` accepts, with a margin."""
-ROUNDS = 12  # Most rounds of moving the values at cells without area onto levels.
+"""Minimum area of a cell, divided by the squared size of the surface. `Surface` accepts even a thousandth of it."""
+ROUNDS = 12  # Maximum number of times that values at cells without area are moved onto levels.
 
 
 class Snapping(NamedTuple):
     """Rules for moving values onto levels before a cut.
 
     fraction : largest move, as a fraction of the field's range over an edge.
-    size     : of the surface, metres.
+    size     : size of the surface, metres.
     hold     : vertices (k,) whose values never move."""
 
     fraction: float
@@ -342,9 +342,9 @@ class Snapping(NamedTuple):
 def clean_split(
     cells: Cells, X: Floats, x: Floats, levels: Floats, active: Bools, snapping: Snapping, above: Bools | None = None
 ) -> Split:
-    """Move values x (n,) at vertices X (n, 3) onto near levels, then split, without cells of zero area.
+    """Split polygons after values x (n,) at vertices X (n, 3) are moved onto levels nearby, so no cell has zero area.
 
-    Values never move across a level, so that all cells stay convex and chords never cross.
+    Values never move across a level, so all cells stay convex and chords never cross.
     active, above : see `split_cells`."""
     snap, size, hold = snapping
     if not len(levels) or not active.any():
@@ -365,7 +365,7 @@ def clean_split(
 
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
-    """Return the vertices (k,) of divided cells without area; X : (n, 3) positions of all vertices."""
+    """Return the vertices (k,) of those new cells that have no area; X : (n, 3) positions of all vertices."""
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided

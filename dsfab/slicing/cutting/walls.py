@@ -1,4 +1,4 @@
-"""Walls of a cut sheet: edges between void and material, as chains around openings, and parts of the chains."""
+"""Walls of a cut sheet: the edges between void and material, joined to chains around the openings."""
 
 from bisect import bisect
 from dataclasses import dataclass
@@ -11,16 +11,16 @@ from dsfab.surface import nearest_places
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 
-SHARPEST = float(np.radians(20))  # At a corner, the outline of an opening turns by more than this angle, radians.
+SHARPEST = float(np.radians(20))  # An outline has a corner where its direction changes by more than this, radians.
 
 
 @dataclass(frozen=True, eq=False)
 class Walls:
-    """Walls (w,) of a cut surface, chain after chain. The void lies on the left of each wall.
+    """Walls (w,) of a cut surface, one chain after the other. The void lies on the left of each wall.
 
     surface : all cells, material and void.    void : (m',) mask of the void cells.
-    inside, outside : (w,) the half-edge of the void cell, and the half-edge of the material cell.
-    start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres from the chain's beginning to start.
+    inside, outside : (w,) half-edge in the void cell, and half-edge in the material cell.
+    start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres along the chain to `start`.
     chain  : (w,) number of the wall's chain.    begin : (c + 1,) first wall of each chain.
     total  : (c,) length of each chain, metres.    closed : (c,) False if a chain ends on the surface's boundary."""
 
@@ -66,7 +66,7 @@ class Walls:
 
     @cached_property
     def void_neighbours(self) -> Ints:
-        """(m', 3) the void neighbour across each side of the void cells, -1 elsewhere."""
+        """(m', 3) void cell on the other side of each side of a void cell, else -1."""
         side_a, side_b = self.surface.edges.pairs.T
         inner = self.void[side_a // 3] & self.void[side_b // 3]
         cell = np.full(3 * self.surface.m, -1)
@@ -74,7 +74,7 @@ class Walls:
         return cell.reshape(-1, 3)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """(k,) the walls `steps` (k,) after walls (k,) in their chains, and a mask: False beyond an open chain."""
+        """Return the walls `steps` (k,) further along the chains of walls (k,), and a mask of those that exist."""
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps
@@ -83,30 +83,30 @@ class Walls:
 
     @cached_property
     def chain_offsets(self) -> Floats:
-        """(c,) metres at which the chains begin if all chains are laid end to end."""
+        """(c,) distance of each chain's start if all chains are laid end to end, metres."""
         return np.asarray(np.cumsum(self.total) - self.total)
 
     def walls_at(self, chain: Ints, place: Floats) -> Ints:
-        """(k,) the walls at places (k,), metres along chains (k,)."""
+        """Return the walls (k,) at distances `place` (k,) from the starts of chains (k,), metres."""
         before = self.chain_offsets
         wall = np.searchsorted(before[self.chain] + self.place, before[chain] + place, side="right") - 1
         return np.clip(wall, self.begin[chain], self.begin[chain + 1] - 1)
 
     def points(self, wall: Ints, share: Floats) -> Floats:
-        """(k, 3) points at positions `share` (k,), 0 to 1, on walls (k,)."""
+        """Return points (k, 3) on walls (k,); share : (k,) 0 at the start of a wall, 1 at its end."""
         segment_start, segment_end = self.surface.V[self.start[wall]], self.surface.V[self.end[wall]]
         return np.asarray(segment_start + share[:, None] * (segment_end - segment_start))
 
     def nearest(self, points: Floats) -> tuple[Ints, Floats]:
-        """(k,) the walls nearest to points (k, 3), and the nearest points (k, 3) on these walls."""
+        """Return the walls (k,) nearest to points (k, 3), and the nearest points (k, 3) on these walls."""
         nearest = nearest_places(points, self.surface.V, np.stack([self.start, self.end], axis=1))
         return nearest.simplex, nearest.place
 
     @cached_property
     def turns(self) -> Floats:
-        """(w,) left turn of the outline at the start of each wall, radians: pi less the angle of the void.
+        """(w,) change of direction at the start of each wall, to the left, radians: pi minus the void's angle there.
 
-        Minus infinity at the start of an open chain. Angles are measured in the surface, so a crease is no corner."""
+        Minus infinity at the start of an open chain. Angles are measured in the surface; a crease is no corner."""
         F, angle = self.surface.F[self.void], np.zeros(self.surface.n)
         for corner, angles in zip(F.T, face_angles(self.surface.V, F).T, strict=True):
             angle += np.bincount(corner, angles, self.surface.n)
@@ -123,7 +123,7 @@ class Walls:
 
 
 def next_in_chains(chain: Ints) -> Ints:
-    """Return the next position (k,) in the chain of each position; the last position of a chain leads to its first.
+    """Return for each position (k,) the next position in its chain; the last leads to the first.
 
     chain : (k,) the chain of each position; positions of a chain are adjacent."""
     after = np.arange(1, len(chain) + 1)
@@ -161,10 +161,10 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Parts (p,) of chains. A part that runs over the beginning of a closed chain has two entries.
+    """Parts (p,) of chains. A part that contains the start of a closed chain has two entries.
 
-    low, high : (q,) ends of each entry, metres, with all chains laid end to end.    part : (q,) the part of each entry.
-    before    : (c,) metres at which the chains begin."""
+    low, high : (q,) start and end of each entry, metres, with all chains laid end to end.    part : (q,) of each entry.
+    before    : (c,) distance of each chain's start, metres."""
 
     low: Floats
     high: Floats
@@ -173,7 +173,7 @@ class Stretches:
 
     @classmethod
     def from_chains(cls, walls: Walls, chain: Ints, begin: Floats, length: Floats) -> "Stretches":
-        """Return parts of chains (p,) from a place (p,), metres along each chain, with lengths (p,) in metres."""
+        """Return parts (p,) of chains (p,); begin : (p,) metres along the chain; length : (p,) metres."""
         before, total = walls.chain_offsets, walls.total[chain]
         begin = begin % total
         over = np.flatnonzero(begin + length > total)
@@ -184,16 +184,16 @@ class Stretches:
         return cls(low, high, np.append(np.arange(len(chain)), over), before)
 
     def covers(self, chain: Ints, place: Floats) -> Bools:
-        """(k,) mask of places (k,), metres along chains (k,), that lie in parts; the parts must be disjoint."""
+        """Return a mask (k,) of the places, in metres along chains (k,), that lie in parts; parts must be disjoint."""
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)
-        x = self.before[chain] + np.maximum(place, 0.0)  # rounding may give negative values
+        x = self.before[chain] + np.maximum(place, 0.0)  # rounding errors may be negative
         index = np.searchsorted(self.low[order], x, side="right") - 1
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
     def overlaps(self, stretches: "Stretches", count: int) -> Bools:
-        """(count,) mask of the parts that overlap other stretches, which must be disjoint."""
+        """Return a mask (count,) of the parts that overlap `stretches`, which must be disjoint."""
         if not len(stretches.low):
             return np.zeros(count, dtype=bool)
         order = np.argsort(stretches.low)
@@ -202,7 +202,7 @@ class Stretches:
         return np.asarray(np.bincount(self.part, into, count) > 0)
 
     def disjoint(self, count: int) -> Bools:
-        """(count,) mask of parts that do not overlap; of two overlapping parts the longer stays."""
+        """Return a mask (count,) of parts to keep so that none overlap; longer parts have priority."""
         length = np.bincount(self.part, self.high - self.low, count)
         stay, taken = np.ones(count, dtype=bool), list[tuple[float, float]]()
         for k in np.argsort(-length[self.part], kind="stable").tolist():

@@ -1,4 +1,4 @@
-"""Smooth walls: wall vertices moved onto smooth curves, and long wall edges divided where the curves bend."""
+"""Fairing: wall vertices move onto smooth curves, and long wall edges are divided where the curves bend."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -15,17 +15,17 @@ from dsfab.slicing.finishing.mesh_quality import independent, least_angles
 from dsfab.surface import Surface
 from dsfab.surface.topology import next_half_edge
 
-CORNER = float(np.radians(25))  # The wall has a corner where it turns by more than this angle, radians.
-REACH = 2.0  # Fairing removes waves of a wall shorter than 2 pi times this number of segments.
-BEND = 0.4  # Fairing reduces bends of a wall over fewer segments than this number.
+CORNER = float(np.radians(25))  # A wall has a corner where its direction changes by more than this angle, radians.
+REACH = 2.0  # Fairing removes the waves of a wall that are shorter than 2 pi REACH segments.
+BEND = 0.4  # Fairing reduces the bends of a wall that are shorter than BEND segments.
 
 
 class Freedom(NamedTuple):
-    """Possible moves of wall vertices (k,) along two directions.
+    """Directions in which wall vertices (k,) may move without leaving their uncut edge or face.
 
-    along : (k, 2, 3) unit vectors of the directions; 0 for a missing direction.
-    share : (k, 2, 3) change of the weights in the columns `column` (k, 3), for a metre along each direction.
-    most  : (k,) largest moves, metres: a tenth of the vertex's mesh edge, which is twice the largest snap."""
+    along : (k, 2, 3) up to two unit vectors; 0 for a missing direction.
+    share : (k, 2, 3) change of the weights in the columns `column` (k, 3), for a metre in each direction.
+    most  : (k,) largest move, metres: a tenth of the vertex's mesh edge, which is twice the largest snap."""
 
     vertex: Ints
     along: Floats
@@ -35,12 +35,12 @@ class Freedom(NamedTuple):
 
 
 def faired_walls(sheet: Sheet) -> Sheet:
-    """Make the walls between material and void of a sheet without pinches as smooth as the mesh allows.
+    """Make the walls between material and void as smooth as the mesh allows; the sheet must have no point contacts.
 
     The function minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners. Here d is the move
-    across the wall and k the curvature in the surface; a and b are `REACH` and `BEND` segments long. Circles and
-    straight lines stay. Waves of wave number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch
-    1967; Wahba 1990]. Cells stay in their uncut faces, and vertices of the uncut surface stay in place."""
+    across the wall, and k is the curvature in the surface. The lengths a and b are `REACH` and `BEND` segments.
+    Circles and straight lines stay. Waves of wave number w shrink to 1 / (1 + (a w)^6) of their height [a smoothing
+    spline of third order: Reinsch 1967; Wahba 1990]. Cells stay in their uncut faces; uncut vertices do not move."""
     walls = sheet.walls
     vertex = np.unique(np.concatenate([walls.start, walls.end]))
     free = freedom(sheet, vertex, sheet.weights[vertex])
@@ -54,7 +54,7 @@ def faired_walls(sheet: Sheet) -> Sheet:
 
 
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
-    """Return the possible moves of vertices (k,) with weights (k, n) on the uncut vertices; uncut vertices never move.
+    """Return the possible moves of vertices (k,); weights : (k, n) on the uncut vertices, which never move.
 
     A vertex on a mesh edge can move along this edge. A vertex in a face can move anywhere in the face."""
     column, weight = weight_entries(weights)
@@ -98,7 +98,7 @@ def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
         (changes, wall_vertices, 3, REACH * segment),
         (bends, wall_vertices[:, :3], 2, BEND * segment),
     ):
-        q, least = points[used], 0.02 * segment[used]  # a smaller distance counts as this distance
+        q, least = points[used], 0.02 * segment[used]  # replaces smaller distances
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
@@ -109,7 +109,7 @@ def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
         rows.append(row)
         right_side.append(np.zeros(len(end)))
     A = csr_array(vstack(rows, format="csr"))
-    hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # this weight limits moves along a wall
+    hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # a spring against moves along a wall
     x = spsolve((A.T @ A + diags_array(hold)).tocsc(), A.T @ np.concatenate(right_side))
     return np.asarray(x.reshape(-1, 2) * free.along.any(axis=2))
 
@@ -124,7 +124,7 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return weights of points P (k, order + 1, 3) in a derivative along their line, and integration lengths (k,)."""
+    """Return weights of points P (k, order + 1, 3) in a derivative along their line, and lengths (k,) to integrate."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -133,7 +133,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Matrix whose row k is the sum over j of value[k, j] . step of vertex q[k, j]; and `value` (k, j, 3)."""
+    """Return a matrix for unknown steps: its row k is the sum over j of value[k, j] . step of vertex q[k, j]."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
@@ -142,7 +142,7 @@ def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array
 
 
 def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
-    """Move vertices by steps (k, 2), metres; steps shrink where cells would become slim or turn over."""
+    """Move vertices by steps (k, 2), metres; shorten steps that would make cells slim or reversed."""
     surface = sheet.surface
     share = np.ones(surface.n)
     move = np.zeros((surface.n, 3))
@@ -150,8 +150,8 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
-    slimmest, halvings = 0.5, 7  # least angle, degrees, and most halvings of a step
-    for attempt in itertools.count():  # a smaller move of one vertex may make the next cell slim
+    slimmest, halvings = 0.5, 7  # smallest angle, degrees; maximum halvings of a step
+    for attempt in itertools.count():  # a shorter step may make the next cell slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
         if not bad.any():
@@ -165,7 +165,7 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
 
 @dataclass(frozen=True, eq=False)
 class Division:
-    """Walls (k,) to divide, at most one of each cell; positions V (k, 3) and weights (k, n) of the new vertices."""
+    """Walls (k,) to divide, at most one per cell; positions V (k, 3) and weights (k, n) of the new vertices."""
 
     wall: Ints
     V: Floats
@@ -178,11 +178,11 @@ class Division:
 
 
 def divided_walls(sheet: Sheet) -> Sheet:
-    """Divide bent walls between material and void of a faired sheet, so that outlines look round.
+    """Divide bent walls of a faired sheet, so that outlines look round.
 
     Only walls inside one uncut face are divided, and only if cells keep large angles. The new vertex stays in that
     face, and corners stay sharp."""
-    for _ in range(3):  # each round about halves the turns
+    for _ in range(3):  # each time, the angles between walls are about halved
         division = _division(sheet)
         if not len(division.wall):
             break
@@ -191,7 +191,7 @@ def divided_walls(sheet: Sheet) -> Sheet:
 
 
 def _bows(walls: Walls) -> Floats:
-    """(w,) metres from each wall's middle to the curve through its ends, to the right; 0 for turns under 3 degrees."""
+    """Return metres (w,) from each wall's middle to its curve, positive to the right; 0 under 3 degrees of bend."""
     if not len(walls.start):
         return np.empty(0)
     turn, all_walls = walls.turns, np.arange(len(walls.start))
@@ -206,7 +206,7 @@ def _bows(walls: Walls) -> Floats:
 
 
 def _division(sheet: Sheet) -> Division:
-    """Return the walls to divide next; of two bent walls of a cell, the wall with the larger bow."""
+    """Return the walls to divide next; if two walls of a cell are bent, only the more bent one."""
     walls = sheet.walls
     bow = _bows(walls)
     wall = np.flatnonzero((bow != 0) & (sheet.parent[walls.void_cells] == sheet.parent[walls.material_cells]))
@@ -239,7 +239,7 @@ def _halves(sheet: Sheet, half_edge: Ints, new_vertex: Ints) -> tuple[Ints, Ints
 
 
 def _keeps_angles(sheet: Sheet, division: Division) -> Bools:
-    """(k,) True if the four cells at a new vertex keep half of their former smallest angle, or 2 degrees."""
+    """Return a mask (k,) of new vertices whose four cells keep half of their former smallest angle, or 2 degrees."""
     surface = sheet.surface
     V, number = np.concatenate([surface.V, division.V]), surface.n + np.arange(len(division.wall))
     accepted = np.ones(len(division.wall), dtype=bool)

@@ -1,4 +1,4 @@
-"""Round corners of openings: arcs, as chords, at corners and at blunt tips where a disc along the walls stops."""
+"""Round corners of openings: an arc, made of chords, at each corner or blunt tip that a rolling disc cannot reach."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -19,9 +19,9 @@ from dsfab.slicing.finishing.point_contacts import pinched_vertices
 
 @dataclass(frozen=True, eq=False)
 class DiscStops:
-    """Places where discs that roll along the walls of flat openings stop, because they touch two walls.
+    """Places (p,) where a disc that rolls along the walls of a flat opening stops, because it touches two walls.
 
-    middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from the middle to both walls.
+    middle : (p, 2) centre of the disc, metres.    before, behind : (p, 2) unit vectors from the middle to both walls.
     a, b   : (p,) indices of both walls in `FlatOpenings.wall`.
     share_a, share_b : (p,) positions of the points of contact on the walls, 0 to 1."""
 
@@ -41,9 +41,9 @@ class DiscStops:
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
     """Yield corners (p,) where rolling discs of `radius` metres stop in openings, and arcs (p,) at these corners.
 
-    Arcs are in the frames of the corners and do not overlap. Discs that stop at one wall, or touch no walls in space,
-    give no arc. The function yields twice, because on a curved surface an arc may fit at one vertex only: first for
-    the vertices nearest to the discs, then for the farthest vertices. Corners in `taken` stretches are left out."""
+    Arcs are in the frames of the corners and do not overlap. A disc gives no arc if it stops at a single wall, or
+    touches no walls in space. On a curved surface, an arc may fit at one vertex only. So the function yields twice:
+    for the vertices nearest to the discs, then for the farthest. Corners in `taken` stretches are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
@@ -72,7 +72,7 @@ def _arcs_in_planes(
 
     line_a, line_b = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     centre, exists = circle_centres(*line_a, *line_b, size)
-    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # arcs need this length of wall beyond their ends
+    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # length of wall beyond an arc's ends
     lines = tips.wall_line(all_tips, way_a + margin, back=True), tips.wall_line(all_tips, way_b + margin, back=False)
     arcs = tangent_arcs(*lines, size, centre)
     valid = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
@@ -88,7 +88,7 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Points (p, 2) where loops turn left by over `SHARPEST`; unit vectors to the right, before and behind points."""
+    """Return points (p, 2) where loops turn left by over `SHARPEST`; unit normals to the right, before and after."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -103,7 +103,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return stops beyond which the opening stays narrow; the nearest and the farthest wall (p,) beyond each stop."""
+    """Return the stops beyond which an opening stays narrow, and the nearest and the farthest wall (p,) beyond each."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -115,7 +115,7 @@ def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: floa
     touched = _distance(flat.start, loops)[wall] < (1 + 3e-3) * radius
     for to_wall in (stop.before, stop.behind):
         foot = (stop.middle + radius * to_wall)[row]
-        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # points near the foot of the arc do not count
+        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # not near the arc's ends
     free = np.bincount(row, touched, len(count)) == 0
     distance = np.linalg.norm(start - stop.middle[row], axis=1)
     close_by = distance < 1.2 * radius
@@ -139,13 +139,13 @@ COLUMNS = ("wall", "circle", "normal", "distance", "ray", "ray_distance")
 class Fillets:
     """Chords of the arcs at corners (k,), and rays beside some arcs, as planes in space.
 
-    normal, distance : (k, c, 3), (k, c) outward normals of the chords, and metres from the origin.
-    ray, ray_distance : (k, 2, 3), (k, 2) normals and distances of the rays. An unused plane has a normal of 0.
+    normal, distance : (k, c, 3), (k, c) outward normals of the chords' planes, and metres from the origin.
+    ray, ray_distance : (k, 2, 3), (k, 2) the same for the rays. An unused plane has a normal of 0.
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
-    pair : (p, 2) an arc, and a void cell that lies partly beyond its chords, connected to the corner.
+    pair : (p, 2) number of an arc, and a void cell partly beyond its chords that is connected to the corner.
 
     An arc fills the region beyond a chord and between both rays. Rays run from the arc's centre through its ends, the
-    feet. Rays are needed where a wall turns so sharply at a foot that other void also lies beyond the chord."""
+    feet. Some walls bend so sharply at a foot that other void also lies beyond the chord. Only their arcs need rays."""
 
     wall: Ints
     circle: Floats
@@ -161,15 +161,15 @@ class Fillets:
 
     @property
     def radius(self) -> Floats:
-        """(k,) metres."""
+        """(k,) radius of each arc, metres."""
         return np.asarray(self.circle[:, 6])
 
     def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
-        """(p,) largest distance of points X (p, 3) beyond a chord of an arc (p,), metres."""
+        """Return the largest distance (p,) of points X (p, 3) beyond a chord of arcs (p,), metres."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def outside_rays(self, arc: Ints, X: Floats) -> Floats:
-        """(p,) largest distance of points X (p, 3) outside a ray of an arc (p,), metres."""
+        """Return the largest distance (p,) of points X (p, 3) outside a ray of arcs (p,), metres."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
     def subset(self, chosen: Bools) -> "Fillets":
@@ -189,9 +189,9 @@ class Fillets:
 
 
 def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
-    """Return arcs at corners of openings: where a disc of `radius` metres stops, and smaller arcs at other corners.
+    """Return arcs at corners of openings: of `radius` metres where a disc stops, smaller ones at other corners.
 
-    Corners without room for an arc stay sharp."""
+    Corners stay sharp if no arc fits."""
     corners, accepted, taken = Corners.from_walls(sheet.walls), list[Fillets](), list[Stretches]()
     for tips, arcs in rolled_arcs(sheet, radius, taken):
         for rays in (False, True):
@@ -203,7 +203,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
             taken.append(tips.subset(clear).stretches(arcs.subset(clear)))
             corners = corners.with_arc_feet(tips.subset(clear), arcs.subset(clear))
     radii = corners.largest(radius)
-    smallest = 0.02 * radius  # corners with less room stay sharp
+    smallest = 0.02 * radius  # if only smaller arcs fit, corners stay sharp
     waiting = np.flatnonzero(radii >= smallest)
     for _ in range(12):
         arcs, factor = corners.arcs(waiting, radii[waiting])
@@ -220,7 +220,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return arcs at corners as chords in space, and a mask of arcs that reach no other wall and no surface edge."""
+    """Return arcs at corners, as chords in space, and a mask of arcs that touch no other wall and no surface edge."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -260,10 +260,9 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """(k,) mask of arcs that fill nothing farther from their corner than their feet, in the corner's plane.
+    """Return a mask (k,) of arcs that fill nothing farther from their corner than their feet are.
 
-    At a fold the void may turn back and lie beyond a chord again. There an arc would fill the opening along the fold.
-    """
+    Distances are in the corner's plane. At a fold the void may come back beyond a chord; an arc would fill it, too."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
@@ -287,15 +286,15 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
     return ~bad
 
 
-GOLDEN = (5**0.5 - 1) / 2  # Golden ratio: the fractional parts of its multiples are spread evenly.
+GOLDEN = (5**0.5 - 1) / 2  # Golden ratio: the fractional parts of its multiples are evenly distributed.
 
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
-    """Round the corners of the openings of a sheet without pinches; return also the radius (k,) of each fillet, metres.
+    """Round the corners of openings of a sheet without point contacts; return also the fillets' radii (k,), metres.
 
-    radius : metres; smaller at corners without room. The arc lies in the plane that touches the surface at the corner,
-             exact to a 20th of its radius. Corners that turn by under 20 degrees stay. At a blunt tip, where a disc of
-             that radius stops before several corners, one arc rounds these corners.
+    radius : metres; an arc is smaller if it would not fit. Its plane touches the surface at the corner, and its chords
+             are within a 20th of the radius. Corners that turn by under 20 degrees stay. At a blunt tip, a disc of
+             this radius stops before several corners, and one arc rounds these corners.
 
     The function only adds material, with the family of the member before the corner. On coarse cells, a corner stays
     sharp if its arc would touch material in a point. Raises PatternError for a radius that is not a length."""
@@ -340,7 +339,7 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """(k,) group of each arc; the cells of two arcs in a group have no common vertex.
+    """Return the group (k,) of each arc, such that cells of two arcs in a group have no common vertex.
 
     arc : (p,) arc of each cell.    corner : (p, 3) vertices of each cell.
     A group takes the arcs with the lowest rank at all their vertices. Scattered ranks give few groups."""
@@ -362,9 +361,9 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons by their arcs' chords; return the mesh, each polygon's old polygon, and a mask of polygons to fill.
+    """Cut polygons by their arcs' chords; return the mesh, and for each polygon its old polygon and whether to fill it.
 
-    arc : (c,) arc of each polygon, -1 for none.    corner : (k,) vertices that arcs round.    size : of the surface."""
+    arc : (c,) arc of each polygon, or -1.    corner : (k,) vertex that each arc rounds.    size : of the surface."""
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
     planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]
@@ -390,7 +389,7 @@ def _filled_corners(
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
-    """(n',) metres of the active polygons' vertices beyond the planes (k, 3), (k,) of their arcs; 0 below `snap`."""
+    """Return the distance (n',) of the active polygons' vertices beyond their arcs' planes, metres; 0 within `snap`."""
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, arc_of_slot = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
     height = np.einsum("ki,ki->k", normal[arc_of_slot], mesh.X[vertex]) - distance[arc_of_slot]

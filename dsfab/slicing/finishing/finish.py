@@ -1,14 +1,14 @@
-"""Finishing: all passes over a cut surface in order, from loose ends of stripes to the shape of cells; and trial cuts.
+"""Finishing: all passes over a cut surface, in order; and trial cuts.
 
 polygons                                cells
 --------                                -----
 ends        join stripes at a node      pinches   join or split point contacts
 closed      close marked openings       filled    fill small openings and crumbs
-loose_ends  cut stripes back            merged    fill slits, also after walls are faired
+loose_ends  cut stripes back            merged    fill slits, also after fairing
 stubs       remove stripes to a node    bridged   bridge necks
 bars        straighten bent bars        spikes    cut off teeth
-                                        rounded   round corners; bridge and widen where that leaves too little
-                                        widths    keep least widths of openings and members
+                                        rounded   round corners; bridge and widen what becomes too narrow
+                                        widths    keep minimum widths of openings and members
                                         improved  flip and collapse edges"""
 
 from collections import Counter
@@ -46,27 +46,27 @@ BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
 """Rounding and bridging repeat up to ROUNDING_ROUNDS times. Gaps under BRIDGED_SHARE times the neck get a bridge."""
 
 PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
-"""A pass before the polygons are filled with triangles: it returns all polygons, and the number of changed details."""
+"""A pass over the polygons: it returns all polygons, and the number of details that it changed."""
 
 
 def tidied_sheet(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> Sheet:
-    """Return the cells of `tidied_polygons` (fields and levels as in `cut`), filled with triangles (m, 3)."""
+    """Return `tidied_polygons` as a sheet of triangles; fields, levels : as in `cut`."""
     return sheet_of(tidied_polygons(surface, fields, levels, snap, tidy))
 
 
 def material_area(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> float:
-    """Return the material area of `tidied_polygons`, square metres; fields (n,) or (n, 2) and levels as in `cut`."""
+    """Return the material area of `tidied_polygons`, square metres; fields, levels : as in `cut`."""
     return tidied_polygons(surface, fields, levels, snap, tidy).material_area
 
 
 def tidied_polygons(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> PolygonMesh:
-    """Cut a surface as `cut_polygons` does, and run all `polygon_passes`, unless `tidy` is None."""
+    """Cut a surface as `cut_polygons` does, then run all `polygon_passes`, unless `tidy` is None."""
     values, lines = checked_lines(surface, fields, levels)
     if not tidy:
         return polygons_along(surface, fields, values, lines, snap)
@@ -79,7 +79,7 @@ def tidied_polygons(
 def polygon_passes(
     surface: Surface, fields: Sequence[Field], lines: Sequence[Floats], tidy: Tidy
 ) -> Iterator[tuple[str, PolygonPass]]:
-    """Yield the passes over the polygons of a cut along lines of fields, in order, each with a name for its count."""
+    """Yield the passes over the polygons in order, each with a name for its count; lines : levels of each field."""
     yield "ends", partial(with_meeting_ends, fields=fields, levels=lines)
     yield "closed", partial(with_closed_openings, closed=tidy.closed)
     yield "loose_ends", partial(without_loose_ends, tidy=tidy)
@@ -91,13 +91,13 @@ class FinishingOptions(NamedTuple):
     """Options of finishing; lengths in metres.
 
     snap, pinch : as in [slicing].    thickness : of the sheet.
-    sized     : whether the preset sets the smallest opening.
+    sized     : True if the preset sets the smallest opening.
     opening   : smaller openings are filled; 0 for none.
-    merge     : slits to fill; for "none", necks, rounded openings and members stay as they are, too.
+    merge     : slits to fill; with "none", necks, rounded openings and members also stay as they are.
     neck      : openings with a narrower neck get a bridge; 0 for none.
     fillet    : radius of round corners, or 0.
     member    : members narrower than this between round corners become wider; 0 for none.
-    least     : least widths of openings and of members; 0 for no limit.
+    least     : minimum widths of openings and of members; 0 for no limit.
     tolerance : largest move of the edges of stripes when cells are improved; None for no improvement."""
 
     snap: float
@@ -118,7 +118,7 @@ class FinishingOptions(NamedTuple):
 
     @property
     def of_trial(self) -> "FinishingOptions":
-        """The options that a trial cut depends on."""
+        """The options on which a trial cut depends."""
         return self._replace(member=0.0, least=(0.0, 0.0), tolerance=None)
 
 
@@ -126,9 +126,9 @@ class FinishingOptions(NamedTuple):
 class FinishedSheet:
     """All cells after some passes.
 
-    counts    : numbers of details that passes changed, by the names of the passes.
+    counts    : number of details that each pass changed, by the name of the pass.
     radii     : (k,) radii of the round corners, metres.
-    unwidened : the cells before least widths, if that pass ran.
+    unwidened : the cells before the pass for minimum widths, if it ran.
     shape     : a sentence about the shape of the cells before and after their improvement, or ""."""
 
     cells: Sheet
@@ -143,18 +143,18 @@ class FinishedSheet:
 
 
 Pass = Callable[[FinishedSheet], FinishedSheet]
-"""A pass over the cells: it returns all cells, and adds the numbers of details that it changed to the counts."""
+"""A pass over the cells: it returns all cells, and adds the number of changed details to the counts."""
 
 
 def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> FinishedSheet:
-    """Finish the cells of a cut from the surface `uncut` by all `passes`.
+    """Run all `passes` over the cells of a cut from the surface `uncut`.
 
-    trial : the trial cut with these cells, if it exists: its passes are not repeated."""
+    trial : a trial cut with these cells, if one exists; its passes are not repeated."""
     return _after_passes(cells, passes(uncut, options, trial))
 
 
 def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
-    """Yield all passes over the cells in order, each with its name. A trial cut replaces the passes that made it."""
+    """Yield all passes over the cells in order, each with its name; results of `trial` replace its passes."""
     if trial:
         unrounded = trial.unrounded
         yield "trial", lambda _: unrounded
@@ -169,9 +169,9 @@ def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" =
 
 
 def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
-    """Yield the passes that precede the rounding of corners, in order, each with a name for its count."""
+    """Yield the passes before the rounding of corners, in order, each with a name for its count."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
-    slits_first = merges and not options.sized  # most small openings are slits, so slits are filled first
+    slits_first = merges and not options.sized  # because most small openings are slits
     yield _counting_pass("pinches", partial(resolve_pinches, radius=options.thickness / 2, rule=options.pinch))
     if opening and not slits_first:
         yield _counting_pass("filled", partial(filled_openings, size=opening))
@@ -198,7 +198,7 @@ def _counting_pass(name: str, change: Callable[[Sheet], tuple[Sheet, int]]) -> t
 
 
 def unrounded_sheet(cells: Sheet, options: FinishingOptions) -> FinishedSheet:
-    """Finish the cells of a cut by all `passes_before_rounding`."""
+    """Run all `passes_before_rounding` over the cells of a cut."""
     return _after_passes(cells, passes_before_rounding(options))
 
 
@@ -212,7 +212,7 @@ def _after_passes(cells: Sheet, named_passes: Iterator[tuple[str, Pass]]) -> Fin
 def _with_round_corners(
     sheet: FinishedSheet, options: FinishingOptions, trial: "TrialCut | None" = None
 ) -> FinishedSheet:
-    """Round corners, and repeat with bridges and wider members where the result is too narrow."""
+    """Round corners; if openings or members become too narrow, add bridges or widen members, and round again."""
     if trial and trial.bridged and trial.options.member == options.member:
         return trial.bridged
     first_rounded, previous_count = trial.rounded if trial else None, sheet.cells.surface.m
@@ -222,7 +222,7 @@ def _with_round_corners(
         if attempt == ROUNDING_ROUNDS:
             break
         better, bridges, places = _bridged_or_widened(sheet.cells, rounded.cells, options)
-        if not (bridges or places) or places > previous_count:  # finished, or the rounds do not converge
+        if not (bridges or places) or places > previous_count:  # finished, or no convergence
             break
         sheet, previous_count = sheet.with_cells(better, bridged=bridges, widened=places), places or previous_count
     return rounded
@@ -236,7 +236,7 @@ def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSh
 
 
 def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions) -> tuple[Sheet, int, int]:
-    """Bridge gaps of the rounded sheet, or widen its members; return cells, number of bridges and of widened places."""
+    """Add bridges or widen members where `rounded` is too narrow; return cells, and the numbers of both changes."""
     if options.merge == "none":
         return cells, 0, 0
     if options.neck:
@@ -251,7 +251,7 @@ def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions)
 def _with_least_widths(
     sheet: FinishedSheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None
 ) -> FinishedSheet:
-    """Widen narrow places, then improve the cells, because the tiny edges of new strips ruin finite elements."""
+    """Widen narrow places, then improve the cells, because tiny edges of the new strips spoil finite elements."""
     if trial and trial.latest.cells is sheet.cells and trial.least and trial.least[0] == options.least:
         result = trial.least[1]
     else:
@@ -272,11 +272,11 @@ def _with_better_cells(sheet: FinishedSheet, uncut: Surface, tolerance: float) -
 
 @dataclass(frozen=True, eq=False)
 class TrialCut:
-    """The cut of a pattern from the search for its widths. Slicing with the same options continues from this cut.
+    """A cut that the search for widths has made and partly finished. Slicing with the same options continues from it.
 
     inputs  : fields, levels and tidy of the pattern.    cells : before finishing.
     rounded : after the first rounding; None without round corners.    bridged : with bridges.
-    least   : least widths of openings and members, metres, and the sheet with these widths."""
+    least   : minimum widths of openings and members, metres, and the sheet with these widths."""
 
     inputs: tuple[object, object, object]
     options: FinishingOptions
@@ -288,27 +288,27 @@ class TrialCut:
 
     @classmethod
     def from_cells(cls, inputs: tuple[object, object, object], cells: Sheet, options: FinishingOptions) -> "TrialCut":
-        """Finish the cells of a cut up to the first rounding of corners."""
+        """Finish the cells of a cut, up to the first rounding of corners."""
         unrounded = unrounded_sheet(cells, options)
         rounded = _rounded_once(unrounded, options) if options.fillet else None
         return cls(inputs, options, cells, unrounded, rounded)
 
     def is_cut_of(self, inputs: tuple[object, object, object]) -> bool:
-        """Return whether the fields, levels and tidy in `inputs` are the same objects as in this cut."""
+        """Return whether this cut was made from exactly these fields, levels and tidy (the same objects)."""
         return all(a is b for a, b in zip(self.inputs, inputs, strict=True))
 
     def serves(self, inputs: tuple[object, object, object], options: FinishingOptions) -> bool:
-        """Return whether a pattern with these inputs and options would be cut and finished in the same way."""
+        """Return whether slicing with these inputs and options may continue from this cut."""
         return self.is_cut_of(inputs) and options.of_trial == self.options.of_trial
 
     @property
     def latest(self) -> FinishedSheet:
-        """The sheet after the latest pass of finishing, except least widths."""
+        """The sheet after the latest pass, without minimum widths."""
         return self.bridged or self.rounded or self.unrounded
 
     @property
     def added_area(self) -> float:
-        """Material that finishing adds to the cut up to the first rounding, square metres."""
+        """Material that finishing adds up to the first rounding, square metres."""
         return (self.rounded or self.unrounded).cells.material_area - self.cells.material_area
 
     @property
@@ -320,15 +320,15 @@ class TrialCut:
 
     @property
     def widened_area(self) -> float:
-        """Area that wider members add, square metres."""
+        """Material that the pass for minimum widths adds, square metres."""
         return self.least[1].cells.material_area - self.latest.cells.material_area if self.least else 0.0
 
     def with_bridges(self) -> "TrialCut":
-        """Return the trial cut with bridges where gaps are too narrow between rounded members."""
+        """Return the trial cut with bridges where rounded openings are too narrow."""
         return replace(self, bridged=_with_round_corners(self.unrounded, self.options, self)) if self.rounded else self
 
     def with_least_widths(self, gap: float, member: float) -> "TrialCut":
-        """Return the trial cut with least widths, metres, of openings and members."""
+        """Return the trial cut with minimum widths of openings and members, metres."""
         options = self.options
         widened = with_least_widths(self.latest.cells, gap, member, options.merge, options.rounded_neck)
         return replace(self, least=((gap, member), widened))

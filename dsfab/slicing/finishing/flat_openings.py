@@ -1,4 +1,4 @@
-"""Openings laid flat in a plane, and their parts that are too narrow for a disc."""
+"""Openings laid flat in a plane, and those of their parts that are too narrow for a disc."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     import manifold3d
 
 
-SMOOTH = 1e-3  # Steps in the outline of an offset shape below this fraction of the offset are rounding errors.
+SMOOTH = 1e-3  # Steps in an outline after an offset, as a fraction of the offset; smaller ones are rounding errors.
 
 
 @dataclass(frozen=True, eq=False)
 class FlatOpenings:
     """The enclosed openings of a sheet, each projected to its mean plane; see `flat_openings_of`.
 
-    wall  : (k,) walls of the sheet.    chain : (k,) the chain of each wall, renumbered.
+    wall  : (k,) walls of the sheet.    chain : (k,) the chain of each wall, numbered from 0.
     after : (k,) the next wall in the chain.
-    start : (k, 2) start points, metres.    frame : (k, 2, 3) unit vectors of the plane."""
+    start : (k, 2) start points of the walls, metres.    frame : (k, 2, 3) unit vectors of their planes."""
 
     wall: Ints
     chain: Ints
@@ -45,18 +45,18 @@ class FlatOpenings:
         return manifold3d.CrossSection(loops if len(self.wall) else [], manifold3d.FillRule.Positive)
 
     def room(self, radius: float) -> "manifold3d.CrossSection":
-        """The region of the centres of all discs of `radius` metres that lie inside the openings."""
+        """Return the region in which a disc of `radius` metres can have its centre and still lie inside an opening."""
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return indices (p,) in `wall` of the walls nearest to points (p, 2), and positions (p,) on them, 0 to 1."""
+        """Return the walls (indices into `wall`) nearest to points (p, 2), and positions (p,) on them, 0 to 1."""
         nearest = self._nearest(points)
         start, finish = self.start[nearest.simplex], self.start[self.after[nearest.simplex]]
         size = np.maximum(np.linalg.norm(finish - start, axis=1), TINY)
         return nearest.simplex, np.clip(np.linalg.norm(nearest.place[:, :2] - start, axis=1) / size, 0, 1)
 
     def distance(self, points: Floats) -> Floats:
-        """(p,) metres from points (p, 2) to the nearest wall."""
+        """Return the distance (p,) from points (p, 2) to the nearest wall, metres."""
         return self._nearest(points).distance
 
     def _nearest(self, points: Floats) -> NearestPlaces:
@@ -65,7 +65,7 @@ class FlatOpenings:
 
 @derived
 def flat_openings_of(sheet: Sheet) -> FlatOpenings:
-    """Return the openings of a sheet side by side, at distances of twice the size of the largest opening."""
+    """Return the openings of a sheet side by side, on a grid with twice the size of the largest opening."""
     walls, void, (count, label) = sheet.walls, sheet.void_part, sheet.void_part.surface.pieces
     opening = np.empty(sheet.surface.m, dtype=np.int64)
     opening[void.cells] = label
@@ -88,7 +88,7 @@ def flat_openings_of(sheet: Sheet) -> FlatOpenings:
 
 
 def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Return the places on edges (m, 2) or at vertices (m, 1) of V (n, 2) that are nearest to points (k, 2)."""
+    """Return the nearest places to points (k, 2) on edges (m, 2) or at vertices (m, 1) of V (n, 2)."""
     return nearest_places(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
 
 
@@ -106,32 +106,34 @@ def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
 
 
 LONG, BULKY = 4.0, 0.7
-"""A blind alley is longer than LONG radii, and its area exceeds BULKY x its length x the width of its mouth."""
+"""A narrow dead end of an opening has length > LONG radii, and area > BULKY x length x width of its entrance."""
 
 
 @dataclass(frozen=True, eq=False)
 class NarrowPart:
     """A narrow part of an opening: its outline (k, 2), metres, and `runs` (r, 2), stretches of the outline on walls.
 
-    Arcs of a disc lie between the runs. If no disc fits into the opening, there are no runs."""
+    Between the runs, the outline follows arcs of a disc. If no disc fits into the opening, there are no runs."""
 
     outline: Floats
     runs: tuple[Floats, ...]
 
     def narrowest(self) -> Floats:
-        """(2, 2) the nearest points of two runs."""
+        """Return the nearest points (2, 2) of two runs."""
         pairs = [_nearest_points(a, b) for a, b in combinations(self.runs, 2)]
         return min(pairs, key=lambda points: float(np.linalg.norm(points[1] - points[0])))
 
 
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
-    """Yield parts without room for a disc of `radius` metres: necks, whole openings, and blind alleys.
+    """Yield parts too narrow for a disc of `radius` metres: necks, whole openings, and long dead ends.
 
-    A blind alley has two runs near its mouth. Tips are left out, and rings, which have room everywhere or nowhere."""
+    A dead end has two runs near its entrance. The function leaves out pointed tips, and rings of equal width."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
-    loops = [part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2]  # the rest are rounding errors
+    loops = [
+        part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2
+    ]  # smaller parts are rounding errors
     outlines = [np.asarray(loop[0]) for loop in loops if len(loop) == 1]
     if not outlines:
         return
@@ -173,7 +175,7 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
 
 
 def _is_alley(run: Floats, radius: float) -> bool:
-    """Return whether the wall (r, 2) around a tip encloses a long strip whose sides do not close to a point."""
+    """Return whether the wall (r, 2) around a dead end encloses a long strip whose sides do not meet at a point."""
     mouth, middle = float(np.linalg.norm(run[-1] - run[0])), (run[0] + run[-1]) / 2
     length = float(np.linalg.norm(run - middle, axis=1).max())
     x, y = (run - middle).T
@@ -182,9 +184,9 @@ def _is_alley(run: Floats, radius: float) -> bool:
 
 
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
-    """The stretches (s, 2) of the wall (r, 2) on both sides of the mouth of a blind alley."""
+    """Return the stretches (s, 2) of the wall (r, 2) on both sides of the entrance of a dead end."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
-    low, high = 1.2 * radius, 3.2 * radius  # distances from the mouth, along the walls
+    low, high = 1.2 * radius, 3.2 * radius  # distances from the entrance, along the walls
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
         stations = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])

@@ -1,4 +1,4 @@
-"""Least widths for a workshop: strips widen narrow members, and bridges or fillings remove narrow necks of openings."""
+"""Minimum widths for a workshop: strips widen narrow members; bridges or fillings close narrow necks of openings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,14 +16,15 @@ from dsfab.slicing.finishing.openings import Merging, Strip, filled_slits, openi
 from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 from dsfab.surface import Surface
 
-LOCAL = 0.8  # A member is narrow if its width is below this share of the median width.
+LOCAL = 0.8  # A member is narrow if its width is below this fraction of the median width.
 NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
-    """(k, 2, 3) points on both walls of openings narrower than `least` m, narrowest first, and `apart` m apart.
+    """Return points (k, 2, 3) on both walls where openings are narrower than `least` metres, narrowest first.
 
-    tips : include gaps where walls close to a tip.    widest : the widest gaps first, such as the mouth of a tip."""
+    apart : distance between places, metres.    tips : include places where walls close to a tip.
+    widest : True puts the widest of these places first, such as the entrance of a tip."""
     if not cells.has_openings:
         return NOWHERE
     void = cells.void_part
@@ -32,7 +33,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members between openings, under `least` metres and `LOCAL` median widths."""
+    """Return points (k, 2, 3) on both sides of members under `least` metres, and under `LOCAL` median widths."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -41,7 +42,7 @@ def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
 
 
 def usual_width(cells: Sheet) -> float:
-    """Median width of members along the walls of openings, metres; infinite without openings."""
+    """Return the median width of members along the walls of openings, metres; infinite without openings."""
     if not cells.has_openings:
         return float("inf")
     return _median_width(_crossings_from_openings(cells.material_part, shares=(MIDDLE,)))
@@ -56,7 +57,7 @@ def _crossings_from_openings(material: SheetPart, **options: Any) -> Crossings:
 
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members under `least` metres, between openings or at an edge of the surface."""
+    """Return points (k, 2, 3) on both sides of members under `least` metres, also at edges of the surface."""
     if not cells.has_openings:
         return NOWHERE
     across = _crossings_from_openings(cells.material_part, reach=least)
@@ -78,24 +79,24 @@ def _narrowest(part: Surface, across: Crossings, least: float, apart: float, wid
     return ends[chosen]
 
 
-REACH = 0.25  # Length of a bridge beyond its neck, in widths of the bridge, because walls may be oblique.
+REACH = 0.25  # Length of a bridge beyond each end of its neck, in widths of the bridge: walls may be oblique.
 
 
 @dataclass(frozen=True, eq=False)
 class Neck:
-    """A place where an opening is too narrow: points (2, 3) on both of its walls, and the numbers of the walls."""
+    """A place where an opening is too narrow: points (2, 3) on both of its walls, and the numbers of both walls."""
 
     ends: Floats
     walls: tuple[int, int]
 
 
 def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
-    """Bridge openings wherever they are narrower than `width` metres; return also the number of bridges.
+    """Add bridges where openings are narrower than `width` metres; return also the number of bridges.
 
-    An opening that is narrower everywhere becomes material, and so does a small opening that a bridge cuts off.
-    Openings at the edge of the surface stay. Tips stay, too, because `rounded_corners` rounds them."""
+    An opening that is narrower everywhere becomes material. So does a small opening that a bridge cuts off. Openings
+    at the edge of the surface stay. Tips stay, too, because `rounded_corners` rounds them."""
     count = 0
-    for _ in range(4):  # a bridge may leave necks on both of its sides
+    for _ in range(4):  # beside a bridge, necks may remain
         if not cells.has_openings:
             break
         necks, lost = _necks_and_lost_openings(cells, width)
@@ -110,11 +111,11 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
-    """Bridge openings under `least` m in a rounded sheet by strips of `width` m; return also the number of bridges.
+    """Add bridges of `width` metres where a rounded sheet has openings under `least` metres; return also their number.
 
-    `bridged_necks` works in openings laid flat, so it misses folds of the surface and walls without room for an arc.
-    This function measures in space, as `features` does."""
-    for slim in (1.0 * width, 0.5 * width):  # over a ridge a broad bridge may miss the other wall
+    `bridged_necks` measures openings laid flat, so it misses folds of the surface and walls where no arc fits. This
+    function measures in space."""
+    for slim in (1.0 * width, 0.5 * width):  # a broad bridge may miss a wall behind a ridge
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
             return better, count
@@ -124,7 +125,7 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
 def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENINGS_SNAP) -> tuple[Sheet, int]:
     """Build bridges of `width` metres between pairs of points (k, 2, 3) near two walls; return also their number.
 
-    One call builds as many bridges as possible.    snap : see `with_strips`."""
+    Bridges that would touch an earlier bridge are left out.    snap : see `with_strips`."""
     if not len(places):
         return cells, 0
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
@@ -146,13 +147,13 @@ def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bo
         number, share = flat.nearest_walls(part.narrowest())
         wall = flat.wall[number]
         ends = walls.points(wall, share)
-        if np.linalg.norm(ends[1] - ends[0]) < width:  # wider openings look narrow only in projection
+        if np.linalg.norm(ends[1] - ends[0]) < width:  # wider ones are narrow in projection only
             necks.append(Neck(ends, (int(wall[0]), int(wall[1]))))
     return necks, lost
 
 
 def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
-    """Return strips between both walls of necks, without strips that would not end at the second wall."""
+    """Return a strip between both walls of each neck, if the strip reaches the second wall."""
     bridges = []
     for neck in necks:
         half = np.array([float(np.linalg.norm(neck.ends[1] - neck.ends[0])) / 2 + REACH * width, width / 2])
@@ -171,7 +172,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     half = np.array([1.04 * least / 2, least / 2])
     wall, ends = cells.walls.nearest(narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # on a shorter way the member ends
+    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # a shorter way leads around a member's end
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
         strips += _strips_at(cells, sides, place, half)
@@ -180,16 +181,16 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
 
 
 def _way_around(walls: Walls, wall: Ints) -> Floats:
-    """(k,) metres along the opening between two walls (k, 2); infinite for walls of different openings."""
+    """Return the distance (k,) between two walls (k, 2) along their opening, metres; else infinity."""
     chain, place = walls.chain[wall], walls.place[wall]
     direct = np.abs(place[:, 1] - place[:, 0])
     around = np.where(walls.closed[chain[:, 0]], np.minimum(direct, walls.total[chain[:, 0]] - direct), direct)
     return np.where(chain[:, 0] == chain[:, 1], around, np.inf)
 
 
-MOST_ROUNDS = 40  # Most rounds of strips; a round adds only strips that do not touch.
-TURNS = 6  # Most rounds of widening and bridging, because wider members leave narrower openings.
-SNAP = 0.05  # Vertices within this fraction of half a strip's width move onto the strip's side, to avoid tiny edges.
+MOST_ROUNDS = 40  # Maximum number of rounds; a round adds only strips that do not touch.
+TURNS = 6  # Maximum number of times that members are widened and openings bridged: each change may need the other.
+SNAP = 0.05  # Vertices this near to a strip's side move onto it, to avoid tiny edges; in half widths of the strip.
 
 
 class LeastWidths(NamedTuple):
@@ -211,7 +212,7 @@ def with_least_widths(
     Members wider than `LOCAL` usual widths stay, and so do members between two edges of the surface.
 
     merge : slits to fill after widening, because wider members make openings narrower.
-    neck  : metres; narrower openings that widening leaves get bridges, too."""
+    neck  : metres; openings that are still narrower after widening get bridges."""
     cells, filled = _without_specks(cells, gap)
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0
     bridged, widened = 0, 0
@@ -231,7 +232,7 @@ def with_least_widths(
 
 
 def _until_stable(change: Callable[[Sheet], tuple[Sheet, int]], cells: Sheet, rounds: int) -> tuple[Sheet, int]:
-    """Change cells until a round changes nothing, or for `rounds` rounds; return also the number of changes."""
+    """Change the cells until nothing changes, or for `rounds` rounds; return also the number of changes."""
     total = 0
     for _ in range(rounds):
         cells, count = change(cells)
@@ -255,7 +256,7 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
         places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
         cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
-        if not len(places) or idle == 2:  # both orders of gaps gave no bridge
+        if not len(places) or idle == 2:  # no bridge in either order
             break
     return cells, total
 
@@ -264,9 +265,9 @@ def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
     """Add strips beside members narrower than `member`, but not at edges of the surface; return also their number."""
     if not len(places := members_under(cells, member, 1.5 * member)):
         return cells, 0
-    half = np.array([1.1 * member / 2, 1.5 * member])  # with a margin, because walls are not parallel
+    half = np.array([1.1 * member / 2, 1.5 * member])  # margin for walls that are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
-    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # true for ends on walls
+    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # mask of ends on walls
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
         strips += _strips_at(cells, sides[on_wall].tolist(), place, half)

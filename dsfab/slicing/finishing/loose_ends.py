@@ -1,4 +1,4 @@
-"""Loose ends of stripes: the passes remove them, join them at a node, or fill the openings in which they end."""
+"""Loose ends of stripes are removed, joined at a node, or lie in openings that become material."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,12 +18,12 @@ from dsfab.surface.fields import CornerField
 class Tidy:
     """Rules by which finishing removes stripes.
 
-    Later fields also divide stripes that may be removed, so that only the later stripes remain there.
+    striped : for each field, True if it has stripes; material of other fields stays.
+    astray  : for each field, (m,) mask of faces in which its stripes run across their direction, or None.
+    anchor  : (n,) mask of vertices at which stripes may end: supports and loads.
+    closed  : for each field, (n,) values or None; an opening where their mean is positive becomes material.
 
-    striped : for each field True if it draws stripes; material of a field without stripes stays.
-    astray  : for each field (m,) faces in which its stripes run across their direction, or None.
-    anchor  : (n,) vertices at which stripes may end: supports and loads.
-    closed  : for each field (n,) values or None; an opening over which the mean value is positive becomes material."""
+    Finishing may remove stripes. So later fields also divide these stripes, and their own stripes remain there."""
 
     striped: tuple[bool, ...]
     astray: tuple[Bools | None, ...]
@@ -34,7 +34,7 @@ class Tidy:
         lock(self, "anchor", np.bool_, (None,))
 
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """Mask (c,) of stripes of field k that later fields must divide: stripes that touch a `blank` or `astray` face.
+        """Return a mask (c,) of the stripes of field k that touch a `blank` or `astray` face: later fields divide them.
 
         blank : (m,) faces without a phase of field k, and the faces beside them."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
@@ -49,18 +49,18 @@ class Tidy:
         return np.asarray(own_polygons & np.isin(part, part[touched]))
 
 
-CLOSED = -2  # `PolygonMesh.also` of polygons in closed openings: stripes may end there, as at a crossing.
+CLOSED = -2  # `PolygonMesh.also` of polygons in openings that became material: stripes may end there.
 
 
 def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> tuple[PolygonMesh, int]:
-    """Make openings material over which the values of a field have a positive mean; return also their number.
+    """Make openings material where the mean value of a field is positive; return also their number.
 
-    closed : for each field (n,) values at the uncut vertices, or None. An opening becomes material of the first field
+    closed : for each field, (n,) values at the uncut vertices, or None. An opening becomes material of the first field
              with a positive mean. Of openings with nearly equal means, all or none become material."""
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
         return mesh, 0
-    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # number 0 is all material
+    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # number 0: the material
     area = np.where(mesh.void, mesh.cells.areas(mesh.X)[0], 0.0)
     total = np.bincount(opening, area)
     family, also, closed_openings = mesh.family, mesh.also, np.zeros(len(total), dtype=bool)
@@ -75,11 +75,11 @@ def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> 
     return replace(mesh, family=family, also=also), int(closed_openings.sum())
 
 
-CROSSING, KEPT, NODE = -1, -2, -3  # Kinds of polygons; the kind of other material is the number of its field.
+CROSSING, KEPT, NODE = -1, -2, -3  # Kinds of polygons; a polygon of any other kind has its field's number instead.
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove parts of stripes that run across their direction, then dead ends; return also their number."""
+    """Remove parts of stripes that run across their direction, then dead ends; return also the number of parts."""
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
     loose, islands = _loose_polygons(mesh, tidy.anchor, part, gone, stays)
@@ -88,16 +88,16 @@ def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]
 
 
 def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
-    """Mask (c,) of polygons of `nodes` (c,), and of stripes that would be dead ends without these nodes."""
+    """Return a mask (c,) of `nodes` (c,), and of stripes that would be dead ends without these nodes."""
     part, gone, stays = _parts(mesh, tidy, nodes)
     gone[part[nodes]] = True
     return _loose_polygons(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
 
 
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
-    """(c,) number of the stretch of a stripe that each polygon belongs to; -1 outside stripes.
+    """Return for each polygon the number (c,) of its stretch of a stripe; -1 outside stripes.
 
-    A stretch lies between two crossings or nodes; each group of nodes is a stretch, too."""
+    A stretch lies between two crossings or nodes. Connected nodes are a stretch, too."""
     part, _, stays = _parts(mesh, tidy, nodes)
     single_stripe = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
     return np.where(single_stripe, part, -1)
@@ -121,11 +121,11 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Masks (c,) of polygons to remove: the parts in `gone` (p,) with the dead ends that they leave, and islands.
+    """Return masks (c,) of polygons to remove: first parts in `gone` (p,) and dead ends that they leave, then islands.
 
-    Islands are pieces that the removal cuts off from the supports and from the edges of the surface.
-    stays : (p,) parts that always stay. After dead ends are removed, a part with a single neighbour is as short as
-            wide. Such a part joins its neighbour, and the search for dead ends repeats."""
+    Islands are pieces that this removal cuts off from supports and from the edges of the surface. stays : (p,) parts
+    that always stay. When no dead ends remain, a part with a single neighbour is as short as wide. It joins this
+    neighbour, and the search for dead ends repeats."""
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)
@@ -140,7 +140,7 @@ def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, s
 
 
 def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
-    """Mask (p,) of parts whose stripes run across the field's direction on more than 30 % of the part's area."""
+    """Return a mask (p,) of parts whose stripes run across the field's direction on more than 30 % of their area."""
     area, strays = mesh.cells.areas(mesh.X)[0], np.zeros(len(part), dtype=bool)
     for k, astray in enumerate(tidy.astray):
         if astray is not None:
@@ -151,7 +151,7 @@ def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequence[Floats]) -> tuple[PolygonMesh, int]:
     """Make void polygons material where stripes meet in faces without a phase; return also the number of polygons.
 
-    fields, levels : those of the cut, in order; only a `CornerField` has faces without a phase."""
+    fields, levels : as in `cut`; only a `CornerField` has faces without a phase."""
     corner_fields = {k: field for k, field in enumerate(fields) if isinstance(field, CornerField) and len(levels[k])}
     blank = {k: field.blank[mesh.parent] & mesh.void for k, field in corner_fields.items()}
     open_ = np.any(list(blank.values()), axis=0) if blank else np.zeros(len(mesh.parent), dtype=bool)
@@ -173,22 +173,22 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequen
 
 
 def nodes_of(mesh: PolygonMesh) -> Bools:
-    """Mask (c,) of nodes: material in faces without a phase, where stripes end."""
+    """Return a mask (c,) of nodes: material where stripes end in faces without a phase."""
     return np.asarray((mesh.also == mesh.family) & ~mesh.void)
 
 
 def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bools:
-    """Mask (c,) of older nodes: undivided faces without a phase that their own field made material."""
+    """Return a mask (c,) of nodes that exist already: undivided faces without a phase, material of the same field."""
     alone = np.bincount(mesh.parent, minlength=len(mesh.F))[mesh.parent] == 1
     blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in corner_fields.items()]
     return np.asarray(alone & np.any(blank, axis=0))
 
 
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
-    """Polygons (q,) of `blank` at which middle lines of field k end, and the vertex (q,) of each end.
+    """Return polygons (q,) in `blank` at which middle lines of field k end, and the vertex (q,) of each end.
 
-    An end between two vertices gets a unique negative number. In a mirrored pattern, middle lines end at vertices, and
-    faces on both sides find the same end. The common vertex shows that both are one end."""
+    An end between two vertices gets a unique negative number instead. In a mirrored pattern, middle lines end at
+    vertices. There the faces on both sides find the same end, and the common vertex shows this."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])
@@ -197,7 +197,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     slots = np.stack([outer, following[outer]])
     z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
     level = nearest_levels(z.ravel(), levels).reshape(z.shape)
-    on_level = np.abs(z - level) < 1e-6  # in periods; a nearer middle line ends at the vertex
+    on_level = np.abs(z - level) < 1e-6  # in periods: the middle line ends at the vertex
     low, high = np.sort(np.where(on_level, level, z), axis=0)
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))
@@ -221,7 +221,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
         slots = slice(cells.start[node], cells.start[node + 1])
         parts = _without_free_corners(mesh.X[cells.corner[slots]], has_neighbour[slots])
         polygons += [cells.corner[slots][part] for part in parts]
-        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # new sides lie on no line
+        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # a new side has no line
         sides_on += [cells.sides_on[slots][part] * (np.roll(part, -1) == end) for part, end in ends]
         source += [node] * len(parts)
         void += [k > 0 for k in range(len(parts))]
@@ -229,7 +229,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
     unchanged = cells.subset(rest)
     corner, lines = np.concatenate([unchanged.corner, *polygons]), np.concatenate([unchanged.sides_on, *sides_on])
     every = Cells(np.cumsum(sizes).astype(np.int64), corner, lines)
-    order = np.argsort(source, kind="stable")  # polygons of a parent face follow each other again
+    order = np.argsort(source, kind="stable")  # groups the polygons by parent face
     source_polygon, removed = np.array(source, dtype=np.int64)[order], np.array(void)[order]
     family, also = (np.where(removed, VOID, x[source_polygon]) for x in (mesh.family, mesh.also))
     parent, again = mesh.parent[source_polygon], mesh.again[source_polygon]
@@ -237,9 +237,9 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Divide a convex polygon X (s, 3); return first the part between sides with neighbours, then the free corners."""
+    """Divide a convex polygon X (s, 3): the first part spans the sides with neighbours, the others are free corners."""
     count, every = len(X), np.arange(len(X))
-    least = 1e-3 * _area(X)  # smaller corners stay
+    least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)
     if not marked.any():
         return [every]

@@ -1,4 +1,4 @@
-"""Quality of the triangles of a sheet, and its improvement by flips and collapses of edges."""
+"""Quality of the triangles of a sheet. Flips and collapses of edges improve it."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,7 +16,7 @@ from dsfab.surface.topology import next_half_edge, on_boundary
 class Quality(NamedTuple):
     """Shape of triangles.
 
-    worst_angle : the smallest angle, degrees, at `place` (3,).    needles : the share of triangles under 1 degree.
+    worst_angle : the smallest angle, degrees, at `place` (3,).    needles : fraction of triangles under 1 degree.
     median      : of 4 sqrt(3) area / (sum of squared sides), 1 for an equilateral triangle [Bank, Smith 1997]."""
 
     worst_angle: float
@@ -38,7 +38,7 @@ def quality(surface: Surface) -> Quality:
 
 
 def least_angles(P: Floats, normals: Floats) -> Floats:
-    """(k,) the smallest angle of triangles P (k, 3, 3), degrees; negative for a triangle that is turned over."""
+    """Return the smallest angle (k,) of triangles P (k, 3, 3), degrees; negative if its normal is reversed."""
     sides = np.roll(P, -1, axis=1) - P
     back = -np.roll(sides, 1, axis=1)
     twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), normals)
@@ -46,14 +46,14 @@ def least_angles(P: Floats, normals: Floats) -> Floats:
 
 
 GAIN = 1.01
-"""Least factor by which a step must raise the smallest angle, because rounding errors alone give smaller gains."""
+"""Minimum factor by which a step must increase the smallest angle: rounding errors cause smaller gains."""
 
 
 @dataclass(frozen=True, eq=False)
 class CellMesh:
-    """A cut sheet while steps improve its cells, and the surface `uncut` that it was cut from.
+    """A cut sheet during its improvement, and the surface `uncut` that it was cut from.
 
-    strayed : (n',) largest distance, metres, that the edges of stripes at each vertex may have moved so far."""
+    strayed : (n',) upper bound of the distance that edges of stripes at each vertex have moved so far, metres."""
 
     sheet: Sheet
     uncut: Surface
@@ -61,12 +61,12 @@ class CellMesh:
 
     @property
     def surface(self) -> Surface:
-        """The cells; collapsed vertices remain without cells."""
+        """The cells; vertices that disappeared have numbers, but no cells."""
         return self.sheet.surface
 
     @cached_property
     def support(self) -> Ints:
-        """(n', 3) the uncut vertices that each vertex lies between; -1 for fewer than three."""
+        """(n', 3) the uncut vertices whose edge or face contains each vertex; -1 for fewer than three."""
         weights = self.sheet.weights
         return np.where(np.arange(3) < np.diff(weights.indptr)[:, None], weight_entries(weights)[0], -1)
 
@@ -75,18 +75,18 @@ class CellMesh:
         return self.key(*self.surface.edges.ends.T)
 
     def key(self, a: Ints, b: Ints) -> Ints:
-        """(k,) a number for the edge between vertices a (k,) and b (k,), equal in both directions."""
+        """Return a number (k,) for the edge between vertices a (k,) and b (k,), in either direction."""
         return np.minimum(a, b) * len(self.surface.V) + np.maximum(a, b)
 
     def edge(self, a: Ints, b: Ints) -> Ints:
-        """(k,) the edges between vertices a (k,) and b (k,); -1 if there is no edge."""
+        """Return the edges (k,) between vertices a (k,) and b (k,); -1 if there is no edge."""
         key = self.key(a, b)
         index = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
         return np.where(self.keys[index] == key, index, -1)
 
     @cached_property
     def lines(self) -> Bools:
-        """(e,) edges on the boundary of the surface, or between cells of different families."""
+        """(e,) mask of edges on the boundary of the surface, or between cells of different families."""
         result = np.ones(len(self.keys), dtype=bool)
         two = self.surface.edges.count == 2
         f, g = (self.surface.edges.pairs // 3).T
@@ -95,7 +95,7 @@ class CellMesh:
 
     @cached_property
     def outline(self) -> Bools:
-        """(e,) edges between material and void."""
+        """(e,) mask of edges between material and void."""
         result = np.zeros(len(self.keys), dtype=bool)
         f, g = (self.surface.edges.pairs // 3).T
         result[self.surface.edges.count == 2] = self.sheet.material[f] != self.sheet.material[g]
@@ -103,7 +103,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the numbers of a vertex's neighbours along lines; of two neighbours, second = sum - first."""
+        """(n',) sum of the numbers of a vertex's neighbours along lines. With two neighbours, sum - first = second."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -112,28 +112,28 @@ class CellMesh:
 
     @cached_property
     def smallest_angle(self) -> Floats:
-        """(m',) the smallest angle of each cell."""
+        """(m',) the smallest angle of each cell, degrees."""
         return self.angles(self.surface.F, self.sheet.parent)
 
     def angles(self, F: Ints, parent: Ints) -> Floats:
-        """(k,) the smallest angle of triangles in uncut faces, degrees: negative if turned over, 0 without area."""
+        """Return the smallest angle (k,) of triangles in uncut faces, degrees: negative if reversed, 0 without area."""
         P, normals = self.surface.V[F], self.uncut.normals[parent]
         twice = np.einsum("ki,ki->k", np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]), normals)
         return np.where(np.abs(twice) <= 2 * self.least_area, 0.0, least_angles(P, normals))
 
     @cached_property
     def least_area(self) -> float:
-        """Least area of a cell, square metres."""
+        """Minimum area of a cell, square metres."""
         return CELL_AREA * float(np.sum(np.ptp(self.surface.V, axis=0) ** 2))
 
     @cached_property
     def stars(self) -> tuple[Ints, Ints]:
-        """Cells (3 m',), sorted by vertex, and start (n' + 1,): cells[start[v] : start[v + 1]] lie around vertex v."""
+        """Cells (3 m',) sorted by vertex, and start (n' + 1,): cells[start[v] : start[v + 1]] meet at vertex v."""
         start = np.concatenate([[0], np.cumsum(np.bincount(self.surface.F.ravel(), minlength=len(self.surface.V)))])
         return equal_key_groups(self.surface.F.ravel())[0] // 3, start
 
     def star_cells(self, vertex: Ints) -> tuple[Ints, Ints]:
-        """Return all cells around vertices (k,), and for each cell the index of its vertex in `vertex`, ascending."""
+        """Return all cells at vertices (k,), and for each cell the index of its vertex in `vertex`, ascending."""
         faces, start = self.stars
         count = start[vertex + 1] - start[vertex]
         row = np.repeat(np.arange(len(vertex)), count)
@@ -141,16 +141,16 @@ class CellMesh:
         return row, faces[begin + np.arange(len(row))]
 
     def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
-        """Return the mesh with those triangles F (m', 3) that `keep` (m',) marks.
+        """Return the mesh with only those triangles of F (m', 3) that `keep` (m',) marks.
 
-        sides_on : (m', 3) lines on the sides of all F.    strayed : (n',) see `CellMesh`."""
+        sides_on : (m', 3) see `Sheet`.    strayed : (n',) see `CellMesh`."""
         columns = (self.sheet.parent[keep], self.sheet.family[keep], self.sheet.weights, 0, sides_on[keep])
         sheet = Sheet(Surface(self.surface.V, F[keep]), *columns, self.sheet.lines)
         return CellMesh(sheet, self.uncut, strayed)
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """Mask (k,) of steps that change no face of a step with a lower rank.
+    """Return a mask (k,) of steps that change no face of a step with a lower rank.
 
     row, face : step row[i] changes face[i], for each i; m is the number of faces."""
     lowest_rank = np.full(m, len(rank))
@@ -161,7 +161,7 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto neighbours w (k,), and the metres (k,) by which edges of stripes move."""
+    """Moves of vertices v (k,) onto neighbours w (k,); strayed : (k,) as in `CellMesh`, after each move."""
 
     v: Ints
     w: Ints
@@ -173,9 +173,9 @@ class CollapseMoves(NamedTuple):
 
 
 def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
-    """Collapse edges once to raise the smallest angle around a vertex; return also the number of collapses.
+    """Collapse edges where this increases the smallest angle around a vertex; return also the number of collapses.
 
-    tolerance : largest distance, metres, of an edge of a stripe, a family or the surface from its original place."""
+    tolerance : largest distance of an edge of a stripe, a family or the surface from its original place, metres."""
     moves = _along_lines(cut, _candidates(cut), tolerance)
     moves, gain = _improving_moves(cut, moves)
     if not len(moves.v):
@@ -201,10 +201,10 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 
 
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
-    """Return `sides_on` (m', 3) after `cells` (k,) lose their area, because a vertex v of each moves onto w.
+    """Return `sides_on` (m', 3) after a vertex v of each of `cells` (k,) moved onto w, so they lost their area.
 
-    Side v-x to the third corner x then coincides with side w-x. If either side lies on a line, the cell beyond v-x
-    gets this line."""
+    Let x be a cell's third corner. Sides v-x and w-x now coincide. If either lies on a line, the cell on the other
+    side of v-x gets this line."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
@@ -216,7 +216,7 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
-    """Moves along edges of material triangles with angles under 25 degrees, for vertices that the cut added.
+    """Return moves of new vertices along edges of those material triangles that have an angle under 25 degrees.
 
     A move is left out if it would take a triangle out of its uncut face."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
@@ -233,11 +233,11 @@ def _candidates(cut: CellMesh) -> CollapseMoves:
 
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
-    """Select the moves that keep lines connected as before and that move lines by at most `tolerance` metres.
+    """Select the moves that keep lines connected as before, and that move lines by at most `tolerance` metres.
 
     A vertex on no line may move to any neighbour. A vertex on a line may move along the line, or to a vertex on no
-    line. Two vertices in which three lines meet may join along an edge between material and void. Vertices on the
-    boundary of the surface stay on the boundary."""
+    line. If three lines meet at two vertices each, these may join along an edge between material and void. Vertices on
+    the boundary of the surface stay on the boundary."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))
@@ -246,9 +246,9 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     step = np.linalg.norm(cut.surface.V[v] - cut.surface.V[w], axis=1)
     slides = along & (count[v] == 2)
     total = cut.line_ends
-    u = np.where(slides, total[v] - w, v)  # u is v's other neighbour on the line
+    u = np.where(slides, total[v] - w, v)  # v's other neighbour on the line
     distance = np.where(slides, distances_from_segments(cut.surface.V[v], cut.surface.V[u], cut.surface.V[w]), step)
-    distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0  # smaller distances are rounding errors
+    distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0  # a rounding error
     strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + distance, 0)
     joints = (count[v] == 3) & (count[w] == 3) & cut.outline[edge] & ~rim[v] & ~rim[w]
     connected = np.where(along, (count[v] == 2) | (count[w] == 2) | joints, count[w] == 0)
@@ -258,7 +258,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """Select moves that raise the smallest angle of material without a smaller angle of void; return gains, degrees."""
+    """Select moves that increase the smallest angle of material without reducing void's; return gains, degrees."""
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
@@ -276,9 +276,9 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """Mask (k,) of moves v -> w whose only common neighbours are opposite vertices of edge v-w [Dey et al. 1999].
+    """Return a mask (k,) of moves v -> w that keep the mesh a surface, and close no triangle of three lines.
 
-    Moves that would close a triangle of three lines are excluded, too.    row, F : the cells around each v."""
+    Only the opposite vertices of edge v-w may be neighbours of both [Dey et al. 1999]. row, F : cells around each v."""
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
     pair = distinct(star_vertices[0][is_neighbour] * len(cut.surface.V) + star_vertices[1][is_neighbour])
@@ -291,11 +291,11 @@ def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F:
 
 
 def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
-    r"""Flip edges once where this raises the smallest angle of two neighbouring cells; return also the number of flips.
+    r"""Flip edges where this increases the smallest angle of two neighbouring cells; return also the number of flips.
 
       c            c
-     /|\          / \        Only between cells of the same family and face: across faces of a curved surface a flip
-    a | b   ->   a---b      would change its shape.
+     /|\          / \        Only between cells of the same family and uncut face: on two faces of a curved surface,
+    a | b   ->   a---b      a flip would change the shape.
      \|/          \ /
       d            d"""
     h, g = cut.surface.edges.pairs.T
@@ -303,13 +303,13 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     parent, family = cut.sheet.parent, cut.sheet.family
     flippable = (parent[f] == parent[e]) & (family[f] == family[e]) & (family[f] != VOID)
     h, g, f, e = h[flippable], g[flippable], f[flippable], e[flippable]
-    d, c, b = (cut.surface.F[f, (h + k) % 3] for k in range(3))  # h runs from d to c
+    d, c, b = (cut.surface.F[f, (h + k) % 3] for k in range(3))  # half-edge h: from d to c
     a = cut.surface.F[e, (g + 2) % 3]
     first_cell, second_cell = np.stack([a, c, b], axis=1), np.stack([b, d, a], axis=1)
     parent = parent[f]
     new_angle = np.minimum(cut.angles(first_cell, parent), cut.angles(second_cell, parent))
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
-    better = np.flatnonzero(new_angle > GAIN * old_angle)  # no other edge joins a and b in a plane face
+    better = np.flatnonzero(new_angle > GAIN * old_angle)  # in a flat face, a-b is no edge yet
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
     rank = np.arange(len(better))
     pair_faces = np.concatenate([f[better], e[better]])
@@ -329,7 +329,7 @@ class ImprovedSheet:
     """A sheet with better shaped cells.
 
     sheet         : all cells, material and void.      flips, collapses : numbers of flipped and of collapsed edges.
-    before, after : the shape of the material's cells before and after these steps.
+    before, after : shape of the material's cells before and after the improvement.
     strayed       : largest move of the edges of stripes, metres."""
 
     sheet: Sheet
@@ -341,7 +341,7 @@ class ImprovedSheet:
 
     @property
     def summary(self) -> str:
-        """Return a sentence with the worst angle, the share of needles and the median quality, before and after."""
+        """Return a sentence with the smallest angle, the fraction of needles and the median quality, before / after."""
         a, b = self.before, self.after
         return (
             f"{self.flips} edges flipped and {self.collapses} collapsed: smallest angle {a.worst_angle:.2g} -> "
@@ -351,18 +351,18 @@ class ImprovedSheet:
 
 
 def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> ImprovedSheet:
-    """Flip and collapse edges to raise the smallest angle of a sheet's material.
+    """Flip and collapse edges to increase the smallest angle of a sheet's material.
 
     sheet     : all cells cut from the surface `uncut`, material and void.
     tolerance : largest move of the edges of stripes, of families and of the surface, metres.
 
-    Cells stay in their uncut faces, and vertices stay in place or disappear. So the surface, its area and its topology,
-    the weights, every interpolated field and the vertices of the uncut surface stay exact. No step makes an angle that
-    is smaller than all angles of the cells it removes. With tolerance 0 the material covers the same points as before.
-    Otherwise its area changes by less than the tolerance times the length of its edges."""
+    Cells stay in their uncut faces, and vertices stay in place or disappear. So the weights, interpolated fields and
+    uncut vertices stay exact, and the surface keeps its area and topology. No step makes an angle smaller than all
+    angles of the cells that it removes. With tolerance 0 the material covers the same points as before. Otherwise its
+    area changes by less than the tolerance times the length of its edges."""
     cut = CellMesh(replace(sheet, sides_on=sheet.lines_of_edges), uncut, np.zeros(sheet.surface.n))
     flips = collapses = 0
-    for _ in range(40):  # most sheets need under ten rounds
+    for _ in range(40):  # usually under ten are needed
         cut, fewer = collapse_edges(cut, tolerance)
         cut, turned = flip_edges(cut)
         flips, collapses = flips + turned, collapses + fewer

@@ -9,16 +9,16 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
 
 CHORD = float(np.radians(34))
-"""Largest turn of a chord, radians. The chord then differs from its arc by 1 - cos(17 degrees) = 1/23 of the radius."""
-TINY = 1e-300  # Replacement for a zero length in a division.
+"""Largest angle of a chord's arc, radians: both are at most 1 - cos(17 degrees) = 1/23 of the radius apart."""
+TINY = 1e-300  # Replaces a zero length in a division.
 
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """Arcs in k planes, from wall a to wall b, counter-clockwise around `centre` (k, 2).
+    """Arcs (k,) in planes, from wall a to wall b, counter-clockwise around `centre` (k, 2).
 
-    foot_a, foot_b : (k, 2) points of contact.
-    way_a, way_b   : (k,) metres from the corner to the feet, along the walls.
+    foot_a, foot_b : (k, 2) points of contact with the walls.
+    way_a, way_b   : (k,) distance from the corner to these feet along the walls, metres.
     touching       : (k,) mask of the arcs that touch both walls."""
 
     centre: Floats
@@ -31,13 +31,13 @@ class Arcs:
 
     @property
     def begin(self) -> Floats:
-        """(k,) start angle, radians."""
+        """(k,) direction from the centre to foot_a, radians."""
         x, y = (self.foot_a - self.centre).T
         return np.asarray(np.arctan2(y, x))
 
     @property
     def angle(self) -> Floats:
-        """(k,) angle from begin to end, radians."""
+        """(k,) angle between the directions to foot_a and foot_b, radians."""
         x, y = (self.foot_b - self.centre).T
         return np.asarray((np.arctan2(y, x) - self.begin) % (2 * np.pi))
 
@@ -46,17 +46,17 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Lines from the centre through both feet: unit normals (k, 2, 2), and distances (k, 2) from the origin.
+        """Return lines from the centre through both feet: unit normals (k, 2, 2) and distances (k, 2) from the origin.
 
-        Normals point away from the arc, so the region that an arc fills lies behind both lines."""
+        Normals point away from the arc, so an arc fills only the region behind both lines."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
         return normal, np.einsum("kci,ki->kc", normal, self.centre)
 
     def chords(self) -> tuple[Floats, Floats]:
-        """Outward unit normals (k, c, 2) of equal chords of each arc, and their distance (k, c) from the origin.
+        """Return outward unit normals (k, c, 2) of each arc's equal chords, and distances (k, c) from the origin.
 
-        Missing chords have a normal of 0 and a distance of 1, so that every point lies inside them."""
+        Missing chords have a normal of 0 and a distance of 1, so every point lies on their inside."""
         number = np.arange(6)  # six chords are enough for half a circle
         count = np.maximum(np.ceil(self.angle / CHORD), 1)
         step = self.angle / count
@@ -73,13 +73,13 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
     first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners.
 
-    The void is on the right of a and on the left of b. Newton's method acts on both distances: the circle that touches
-    the tangents at the nearest points is the next guess."""
+    The void is on the right of a and on the left of b. As in Newton's method, each next guess is the circle that
+    touches the tangents at the polylines' nearest points."""
     if first_centre is None:
         centre, valid = _first_centres(a, b, radius)
     else:
         centre, valid = first_centre, np.ones(len(first_centre), dtype=bool)
-    for _ in range(12):  # nearly straight walls need two or three steps
+    for _ in range(12):  # two or three suffice for nearly straight walls
         foot_a, foot_b = _nearest(a, centre)[0], _nearest(b, centre)[0]
         centre, regular = circle_centres(
             foot_a, unit_vectors(centre - foot_a), foot_b, unit_vectors(centre - foot_b), radius
@@ -94,7 +94,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
 
 def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """(k, 2) centres of circles that touch the first walls, and a mask of centres in the void."""
+    """Return centres (k, 2) of circles that touch the walls beside the corners, and a mask of centres in void."""
     u, v = (unit_vectors(line[:, 1] - line[:, 0]) for line in (a, b))
     left_normal, right_normal = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
     centre, in_void = circle_centres(a[:, 0], left_normal, b[:, 0], right_normal, radius)
@@ -103,9 +103,9 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """(k, 2) points at `radius` from lines through p, q with unit normals m, n; mask, False for parallel lines."""
+    """Return points (k, 2) at `radius` from lines through p, q with unit normals m, n; a mask excludes parallels."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
-    regular = np.abs(det) > 0.02  # smaller values mean nearly parallel walls
+    regular = np.abs(det) > 0.02  # else nearly parallel
     det = np.where(regular, det, 1.0)
     offset_a, offset_b = np.einsum("ki,ki->k", m, p) + radius, np.einsum("ki,ki->k", n, q) + radius
     x, y = offset_a * n[:, 1] - offset_b * m[:, 1], offset_b * m[:, 0] - offset_a * n[:, 0]
@@ -113,7 +113,7 @@ def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -
 
 
 def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
-    """(k, 2) points of polylines (k, p, 2) nearest to points (k, 2), and lengths (k,) of the polylines up to them."""
+    """Return the nearest points (k, 2) of polylines (k, p, 2) to points (k, 2), and the lengths (k,) up to them."""
     start, along = line[:, :-1], np.diff(line, axis=1)
     size = np.einsum("kpi,kpi->kp", along, along)
     t = np.einsum("kpi,kpi->kp", point[:, None] - start, along) / np.where(size > 0, size, 1.0)
@@ -125,15 +125,15 @@ def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
     return foot[row, pick], before + (np.clip(t, 0, 1) * length)[row, pick]
 
 
-SMALLER = 0.7  # Least factor by which an arc without room shrinks before the next trial.
+SMALLER = 0.7  # An arc that does not fit is tried again with its radius times a factor of at least SMALLER.
 
 
 @dataclass(frozen=True, eq=False)
 class Corners:
     """Corners (k,) along walls, in the order of the walls.
 
-    first : (k,) the wall that begins at a corner.    turn : (k,) radians, to the left.
-    place : (k,) metres along the chain. The foot of an existing arc is a corner that does not turn."""
+    first : (k,) the wall that begins at a corner.    turn : (k,) change of direction to the left, radians.
+    place : (k,) distance along the chain, metres. The ends of arcs are corners, too, with a turn of 0."""
 
     walls: Walls
     first: Ints
@@ -142,7 +142,7 @@ class Corners:
 
     @classmethod
     def from_walls(cls, walls: Walls) -> "Corners":
-        """Return the points where the walls turn left by more than `SHARPEST`."""
+        """Return the places where the walls change direction to the left by more than `SHARPEST`."""
         rows = np.flatnonzero(walls.turns > SHARPEST)
         return cls(walls, rows, walls.turns[rows], walls.place[rows])
 
@@ -151,12 +151,12 @@ class Corners:
         return replace(self, first=self.first[chosen], turn=self.turn[chosen], place=self.place[chosen])
 
     def stretches(self, arcs: Arcs) -> Stretches:
-        """The walls between the feet of arcs at these corners (k,)."""
+        """Return the walls between the feet of arcs at these corners (k,)."""
         chain = self.walls.chain[self.first]
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs with a turn of 0."""
+        """Return the corners outside disjoint arcs (p,) at `tips`; the feet of these arcs are corners with turn 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -168,7 +168,7 @@ class Corners:
 
     @cached_property
     def next_corner(self) -> Ints:
-        """(k,) the next corner along the chain, -1 at the end of an open chain. A single corner follows itself."""
+        """(k,) the next corner along the chain, -1 at the end of an open chain; a single corner follows itself."""
         chain = self.walls.chain[self.first]
         follow = next_in_chains(chain)
         follow[(follow <= np.arange(len(chain))) & ~self.walls.closed[chain]] = -1
@@ -184,7 +184,7 @@ class Corners:
 
     @cached_property
     def wall_lengths(self) -> tuple[Floats, Floats]:
-        """(k,) metres of wall before and behind each corner, up to the next corner or the end of the chain."""
+        """Length (k,) of wall before, and (k,) behind each corner, to the next corner or to the chain's end, metres."""
         walls, follow, before = self.walls, self.next_corner, self.previous_corner
         chain = walls.chain[self.first]
         total, place = walls.total[chain], self.place
@@ -195,28 +195,28 @@ class Corners:
 
     @cached_property
     def tangents(self) -> Floats:
-        """(k,) distance, metres, from a corner between straight walls to the foot of an arc of radius 1 m.
+        """(k,) distance from a corner between straight walls to the foot of an arc of radius 1, without unit.
 
         Turns over 170 degrees count as 170 degrees."""
         return np.asarray(np.tan(np.minimum(self.turn, np.radians(170)) / 2))
 
     @cached_property
     def rooms(self) -> tuple[Floats, Floats]:
-        """(k,) metres of the walls before and behind each corner that its arc may use.
+        """Length (k,) of wall before, and (k,) behind each corner that its arc may take, metres.
 
-        The two corners at a wall divide the wall in the ratio of their `tangents`."""
+        The two corners at a wall divide it in the ratio of their `tangents`."""
         t, (ahead, behind) = self.tangents, self.wall_lengths
 
         def share(neighbour: Ints) -> Floats:
             beyond: Floats = np.where(neighbour >= 0, t[neighbour], 0.0)
             return np.asarray(t / np.maximum(t + beyond, TINY))
 
-        room = 0.98  # the margin keeps arcs at both ends of a wall apart
+        room = 0.98  # arcs at both ends of a wall stay apart
         return room * ahead * share(self.previous_corner), room * behind * share(self.next_corner)
 
     @cached_property
     def frames(self) -> Floats:
-        """(k, 2, 3) unit vectors of the planes of the arcs, perpendicular to the void's normal."""
+        """(k, 2, 3) two unit vectors of each arc's plane, perpendicular to the void's normal."""
         normal = self.walls.void_normals[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         along = self.walls.surface.V[self.walls.end[self.first]] - self.origin
@@ -230,15 +230,15 @@ class Corners:
         return np.asarray(self.walls.surface.V[self.walls.start[self.first]])
 
     def circles(self, rows: Ints, arcs: Arcs) -> Floats:
-        """(p, 7) centres, unit axes and radii, metres, of arcs in the frames of corners (p,)."""
+        """Return centres, unit axes and radii (p, 7), metres, of arcs in the frames of corners (p,)."""
         frames = self.frames[rows]
         centre = self.origin[rows] + np.einsum("pj,pji->pi", arcs.centre, frames)
         return np.hstack([centre, np.cross(frames[:, 0], frames[:, 1]), arcs.radius[:, None]])
 
     def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
-        """Return arcs of radii (p,), metres, in the `frames` of corners (p,), and factors (p,) on these radii.
+        """Return arcs of radii (p,), metres, in the `frames` of corners (p,), and factors (p,) for the next radii.
 
-        A factor is 1 for an arc that fits between its neighbours, and `SMALLER` for an arc that misses a wall."""
+        The factor is 1 if the arc fits between its neighbours, and `SMALLER` if it misses a wall."""
         reach = 2 * radius * self.tangents[rows] + radius
         ahead, behind = (np.minimum(length[rows], reach) for length in self.wall_lengths)
         arcs = tangent_arcs(self.wall_line(rows, ahead, back=True), self.wall_line(rows, behind, back=False), radius)
@@ -246,12 +246,12 @@ class Corners:
         least = np.minimum(
             room_before[rows] / np.maximum(arcs.way_a, TINY), room_behind[rows] / np.maximum(arcs.way_b, TINY)
         )
-        fits = 0.995  # tolerance for rounding errors, within the margin of `rooms`
+        fits = 0.995  # for rounding errors; less than the margin of `rooms`
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
     def wall_line(self, rows: Ints, reach: Floats, back: bool) -> Floats:
-        """(p, q, 2) the walls before (`back`) or behind corners (p,) up to a reach (p,), metres, in their `frames`.
+        """Return the walls (p, q, 2) before (`back`) or behind corners (p,), in their `frames`, up to `reach` metres.
 
         Shorter lines repeat their last point. The search examines 8 to 256 walls."""
         walls, V, count = self.walls, self.walls.surface.V, 8
@@ -269,7 +269,7 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """Mask (p,) of vertices on the wall between the feet of arcs (p,), or within 2 % of the radius of a foot."""
+        """Return a mask (p,) of vertices on the wall between the feet of arcs (p,); margin: 2 % of the radius."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))
@@ -281,7 +281,7 @@ class Corners:
         return np.asarray((wall_of_vertex >= 0) & same_chain & (distance <= arcs.way_a + arcs.way_b + 2 * margin))
 
     def largest(self, radius: float) -> Floats:
-        """(k,) radii, metres: the requested radius, or less at walls that are too short."""
+        """Return radii (k,), metres: the requested radius, or less where walls are too short."""
         room_before, room_behind = self.rooms
         room, t = np.minimum(room_before, room_behind), self.tangents
         return np.asarray(np.minimum(radius, np.divide(room, t, out=np.zeros_like(t), where=t > 0)))

@@ -1,4 +1,4 @@
-"""Openings of a cut sheet: small openings and slits become material, and strips of material cross openings."""
+"""Openings of a cut sheet: small openings and slits become material, and strips of material bridge openings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,20 +16,20 @@ from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 
 Merging = Literal["none", "slits", "crowded"]
-"""Kinds of slits that finishing fills, so that the members beside them become one."""
+"""Slits that finishing fills, so that two members become one: none, all, or only slits where members are crowded."""
 
 NARROWER = 0.9
-"""An opening is a slit if it is narrower than this fraction of the members beside it.
-Crowded members are designed as wide as their openings; on flat triangles this width is right to some percent."""
+"""An opening is a slit if it is narrower than this fraction of the members beside it. Crowded members are designed
+as wide as their openings; on flat triangles, this width has an error of some percent."""
 CRUMB, SEVERAL = 0.35, 8
 """A crumb is smaller than CRUMB times the median opening. A median needs SEVERAL openings."""
 ALIKE = 0.03
-"""Sizes of openings with a smaller relative difference count as equal, because the mesh may cause the difference."""
+"""Openings with a smaller relative difference in size count as equal, because the mesh may cause such a difference."""
 
 
 @dataclass(frozen=True, eq=False)
 class Openings:
-    """Enclosed openings of a sheet, and openings that the edge of the surface cuts; see `openings_of`.
+    """Enclosed openings of a sheet, and openings at its edge; see `openings_of`.
 
     void  : void cells (f,) of these openings.    material : all material cells.
     label : (f,) the opening of each void cell.    count : number of openings."""
@@ -40,7 +40,7 @@ class Openings:
     count: int
 
     def subset(self, chosen: Bools) -> "Openings":
-        """Return the marked openings (o,), renumbered."""
+        """Return the marked openings (o,), numbered from 0."""
         mask = np.zeros(self.void.cut_surface.m, dtype=bool)
         mask[self.void.cells[chosen[self.label]]] = True
         label = (np.cumsum(chosen) - 1)[self.label[chosen[self.label]]]
@@ -54,17 +54,17 @@ class Openings:
 
     @cached_property
     def hydraulic_diameters(self) -> Floats:
-        """(o,) hydraulic diameters 4 area / perimeter; infinite for openings at the edge of the surface."""
+        """(o,) hydraulic diameters 4 area / perimeter, metres; infinite for openings at the edge of the surface."""
         return hydraulic_diameters(self.void.surface, self.void.walls, self.label, self.count)
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) width of each opening over the width of the narrower member beside a wall: the median over all walls.
+        """(o,) width of each opening, divided by the narrower member's width beside a wall; the median of all walls.
 
         Only walls with an opposite wall count. If these are under 5 % of the walls, as in a triangle, the width is the
         side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of both values. The
-        width is at least 2 area / perimeter, as in a long slit. The ratio is infinite without members, and at the edge
-        of the surface for openings with few opposite walls."""
+        width is at least 2 area / perimeter, as in a long slit. The ratio is infinite without members, and for
+        openings at the edge of the surface with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)
@@ -78,7 +78,7 @@ class Openings:
         opposite_share = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
         opposite_share = np.where(enclosed, opposite_share, opposite_share == 1)
         result = _harmonic(between, square, opposite_share)
-        around[~enclosed] = 1.0  # not used, but prevents a division by 0
+        around[~enclosed] = 1.0  # not used; prevents a division by 0
         return np.where(enclosed, np.maximum(result, self.hydraulic_diameters / (2 * around)), result)
 
     @cached_property
@@ -88,17 +88,17 @@ class Openings:
 
     @cached_property
     def crowded_slits(self) -> Bools:
-        """Mask (o,) of slits in places where members are denser than usual.
+        """(o,) mask of slits in places where members are denser than usual.
 
-        In a dense pattern all openings are narrower than members, and closing all would change the structure. So the
-        limit on `narrowness` falls with its median, see `CROWDING`."""
+        In a dense pattern, all openings are narrower than members. If all became material, this would change the
+        structure. So the limit on `narrowness` falls with the median of `narrowness`, see `CROWDING`."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Number of slits along the members of a family (m',), and the fraction of their walls that lies at slits."""
+        """Return the number of slits along a family's cells (m',), and the fraction of their walls at slits."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]
@@ -115,7 +115,7 @@ class Openings:
 
     @cached_property
     def _width_ratio(self) -> Floats:
-        """(k,) width of the opening at each crossing line over the narrower member's width; NaN without a member."""
+        """(k,) width of the opening at each crossing line, divided by the narrower member's; NaN without a member."""
         member = self._member_widths[self.void.parent_edges[self._crossings.walls]]
         return np.asarray(self._crossings.width / np.fmin(*member.T))
 
@@ -129,7 +129,7 @@ class Openings:
     def _member_widths(self) -> Floats:
         """(e',) widths of the members behind the walls, on the edges of the whole sheet; NaN on other edges.
 
-        Material broader than 2.5 medians consists of several members and counts with the median."""
+        Where material is broader than 2.5 medians, several members touch. There the width is the median."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges
@@ -150,7 +150,7 @@ def openings_of(sheet: Sheet) -> Openings | None:
 
 
 def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
-    """Return a sheet with the marked openings (o,) as material, of the largest family number beside each opening."""
+    """Return a sheet with the marked openings (o,) as material; each takes the largest family number beside it."""
     openings = openings_of(sheet)
     if openings is None or not chosen.any():
         return sheet
@@ -167,7 +167,7 @@ def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
 
 
 def _harmonic(x: Floats, y: Floats, share: Floats) -> Floats:
-    """(o,) the weighted harmonic mean of x and y, which may be infinite; `share` (o,) is the weight of x."""
+    """Return the weighted harmonic mean (o,) of x and y, which may be infinite; share : (o,) weight of x."""
     tiny = np.finfo(float).tiny
     inverse = share / np.maximum(x, tiny) + (1 - share) / np.maximum(y, tiny)
     return np.asarray(np.divide(1, inverse, out=np.full(len(x), np.inf), where=inverse > 0))
@@ -178,27 +178,27 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
     alike : if True, all or none of the openings with sizes nearly equal to `size` become material.
 
-    The size of an opening is its median width along the walls, but at least 2 area / perimeter and at most
-    4 area / perimeter, because a triangle with a long tip has opposite walls in the tip only."""
+    The size of an opening is its median width along the walls, but at least 2 and at most 4 area / perimeter.
+    Otherwise triangles with a long tip, which have opposite walls in the tip only, would count as too small."""
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
-    candidates = openings.subset(may_be_small)  # saves nine tenths of the time
+    candidates = openings.subset(may_be_small)  # saves 90 % of the time
     across = crossings(candidates.void.surface, candidates.void.walls)
     width = weighted_medians(across.width, across.weight, candidates.label[across.face], candidates.count)
     diameters = candidates.hydraulic_diameters
-    smaller = np.clip(width, diameters / 2, diameters)  # the hydraulic diameter of a long slit is twice its width
+    smaller = np.clip(width, diameters / 2, diameters)  # a long slit: diameter = 2 widths
     small = may_be_small.copy()
     small[may_be_small] = smaller < split_value(smaller, size, ALIKE * size if alike else 0.0)
     return with_filled(cells, small), int(small.sum())
 
 
 def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
-    """Make every opening that is far smaller than most openings material; return also their number.
+    """Make every crumb material: an opening far smaller than most openings; return also their number.
 
     Only enclosed openings count, and their size is 4 area / perimeter. An opening 2.5 times as wide as the members
-    beside it stays, because material there would be a plate between thin members. Of nearly equal openings, all or none
-    become material. Crumbs arise between crowded members, and where a member cuts a corner off an opening."""
+    beside it stays, because material there would be a plate between thin members. Of nearly equal openings, all or
+    none become material. Crumbs arise between crowded members, and where a member cuts a corner off an opening."""
     openings = openings_of(cells)
     if openings is None or np.isfinite(diameters := openings.hydraulic_diameters).sum() < SEVERAL:
         return cells, 0
@@ -213,9 +213,9 @@ def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
 def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
     """Make every slit material, so that the members beside it become one; return also their number.
 
-    merge : "crowded" for the slits of `Openings.crowded_slits` only.
+    merge : "crowded" to fill only `Openings.crowded_slits`.
 
-    Openings beside a broader member may become slits. So the function repeats until no slit is left."""
+    Beside the broader members, other openings may become slits. So the function repeats until no slit is left."""
     filled = 0
     while (openings := openings_of(cells)) is not None:
         slits = openings.crowded_slits if merge == "crowded" else openings.slits
@@ -226,14 +226,14 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
 
 SIDES = np.array([-1.0, 1.0])
-SNAP = 2e-3  # Vertices nearer to the side of a strip than this fraction of half its width move onto the side.
+SNAP = 2e-3  # Vertices this near to a strip's side move onto it; in half widths of the strip.
 
 
 @dataclass(frozen=True, eq=False)
 class Strip:
-    """A rectangular strip of material across void cells (c,); it begins in the first cell.
+    """A rectangular strip of material across void cells (c,), which begins in the first of these cells.
 
-    middle : (3,) metres.    axes : (2, 3) unit, along and across.    half : (2,) half length and width, metres."""
+    middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and width."""
 
     cells: Ints
     family: int
@@ -243,7 +243,7 @@ class Strip:
 
     @classmethod
     def from_wall(cls, sheet: Sheet, wall: int, ends: Floats, half: Floats) -> "Strip | None":
-        """Return the strip in the opening at a wall, along the line between two ends (2, 3); None for equal ends."""
+        """Return the strip in the opening at a wall, along the line between two ends (2, 3); None if both are equal."""
         surface, first_cell = sheet.surface, int(sheet.walls.void_cells[wall])
         direction = ends[1] - ends[0]
         gap = float(np.linalg.norm(direction))
@@ -267,12 +267,12 @@ class Strip:
         return replace(strip, cells=np.array(seen))
 
     def local_coordinates(self, X: Floats) -> Floats:
-        """(2, k) coordinates of points X (k, 3) along and across; the sides are at -1 and 1."""
+        """Return coordinates (2, k) of points X (k, 3), along and across; they are -1 and 1 at the strip's sides."""
         return np.asarray(self.axes @ (X - self.middle).T / self.half[:, None])
 
 
 def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = SNAP) -> tuple[Sheet, int]:
-    """Make strips, and small openings that they cut off, material; return also the number of strips.
+    """Make strips material, and small openings that they cut off; return also the number of strips.
 
     A strip that shares a vertex with an earlier strip is left out.
     width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`."""
@@ -282,7 +282,7 @@ def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = S
 
 
 def disjoint_groups(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
-    """Choose groups (c,) of cells that have no vertex in common with an earlier group; return their numbers."""
+    """Return the numbers of those groups (c,) of cells that have no vertex in common with an earlier group."""
     taken, chosen = np.zeros(cells.surface.n, dtype=bool), []
     for k, group in enumerate(groups):
         vertices = cells.surface.F[group]
@@ -317,7 +317,7 @@ def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
 
 
 def _without_pockets(cells: Sheet, before: int, width: float) -> Sheet:
-    """Fill small openings beside strips; vertices with numbers from `before` on belong to strips."""
+    """Fill small openings beside strips; vertices from number `before` on belong to strips."""
     openings = openings_of(cells)
     if openings is None:
         return cells

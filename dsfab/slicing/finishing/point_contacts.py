@@ -1,10 +1,10 @@
-"""Pinches: vertices where the material meets in a single point, so that no solid exists. They are joined or split.
+"""Pinches: vertices where material meets in a single point, which a solid cannot have. They are joined or split.
 
     material . void         join: a disc around the pinch      split: the disc becomes void
     . . . .  x . . . .            becomes material
      void    . material
 
-The full sheet, material and void together, is cut along the disc, so that the cells around the disc still fit."""
+Material and void are cut together along the disc, so that the cells around it still fit."""
 
 from typing import Literal, NamedTuple
 
@@ -21,12 +21,12 @@ from dsfab.surface.topology import edge_table
 
 Rule = Literal["join", "split"]
 
-DISC_ROUNDS = 3  # Most rounds of discs, because a disc can make a new pinch where it meets a second stripe.
-CORNER_ROUNDS = 2  # Most rounds of corner cuts, which make no new pinch; the second is for adjacent pinches.
+DISC_ROUNDS = 3  # Maximum rounds with discs; a disc can make a new pinch where it meets a second stripe.
+CORNER_ROUNDS = 2  # Then rounds with corner cuts, which make no new pinch; the second is for adjacent pinches.
 
 
 class PinchResult(NamedTuple):
-    """All cells of a sheet without pinches, and the number of discs and corner cuts; 0 for an unchanged sheet."""
+    """All cells of a sheet without pinches; number of discs and corner cuts, 0 for an unchanged sheet."""
 
     sheet: Sheet
     pinches: int
@@ -40,7 +40,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
     surface's boundary count, too.
 
     Raises PatternError without material before or after, for an impossible `radius` or `rule`, and for pinches that
-    remain: "join" cannot mend a place where the surface touches itself in a vertex."""
+    remain. "join" cannot join material where the surface itself meets in a single vertex."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
     if rule not in ("join", "split"):
@@ -64,7 +64,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
 def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
     count = 0
     for turn, group in enumerate(_groups_without_edges(pinches, _links(sheet, pinches))):
-        if turn:  # a disc of an earlier group may have removed some pinches
+        if turn:  # earlier discs may have removed some pinches
             group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
             V = sheet.surface.V
@@ -81,7 +81,7 @@ def _require_material(sheet: Sheet) -> None:
 
 
 def pinched_vertices(sheet: Sheet) -> Ints:
-    """(k,) vertices of a sheet at which two or more parts of the material meet without a common edge."""
+    """Return the vertices (k,) of a sheet at which two or more parts of the material meet without a common edge."""
     if not sheet.material.any():
         return np.empty(0, dtype=np.int64)
     pinched = sheet.subset().surface.pinches
@@ -102,7 +102,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """Divide pinches into groups without edges inside, because the linear distance would be 0 along such an edge."""
+    """Divide pinches into groups without an edge between two pinches, where the linear distance would be 0."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
@@ -112,7 +112,7 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
 
 
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """(n',) a field, 0 at pinches, whose level `radius` cuts the edges from pinches at min(radius, 0.4 edge length)."""
+    """Return a field (n',), 0 at pinches; its level `radius` cuts their edges at min(radius, 0.4 edge length)."""
     V, ends = sheet.surface.V, sheet.surface.edges.ends
     x = np.full(len(V), radius / 0.4)
     for p, q in (ends.T, ends[:, ::-1].T):
@@ -140,7 +140,7 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
 
 
 def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:
-    """Mask (c,) of the polygons in `inside` that are connected to a pinch, and not only near a pinch in space."""
+    """Return a mask (c,) of polygons in `inside` that are connected to a pinch, and not only near it."""
     part, owner = mesh.part_labels(inside), mesh.cells.owner
     return inside & np.isin(part, part[owner[inside[owner] & np.isin(mesh.cells.corner, pinches)]])
 

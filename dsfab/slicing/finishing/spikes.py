@@ -1,8 +1,8 @@
-r"""`without_spikes`: cut off teeth of a member that stick out into an opening, along their chord.
+r"""`without_spikes`: cut off teeth of a member that stick out into an opening.
 
-opening          Between two near re-entrant corners, a and b, the outline goes out to a sharp tip and back.
+opening          Between two re-entrant corners a and b, which are close together, the outline has a sharp tip.
    .             Such a tooth remains where a removed stub overlapped another stripe, or where a stripe ends at a
-__/ \\____       sharp angle on a rim. The part beyond the chord a-b becomes void, because no member needs this part.
+__/ \\____       sharp angle on a rim. The part beyond the chord a-b becomes void, because no member needs it.
  a  b  member"""
 
 from dataclasses import replace
@@ -18,13 +18,13 @@ from dsfab.slicing.cutting.walls import SHARPEST, Walls
 from dsfab.slicing.finishing.openings import disjoint_groups
 
 SHARP = float(np.radians(60))
-"""Least angle, radians, by which the outline turns back at a tip. Bends and crossings of members turn less."""
+"""Minimum change of direction of the outline at a tip, radians; at bends and crossings of members it is smaller."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
 """Longest outline of a tooth, in mean widths of members: `FAR` if its chord is under `THIN` widths, else `LONG`."""
 
 
 class Spike(NamedTuple):
-    """A tooth: the vertices of its outline (k,) between two re-entrant corners, and the cells beyond its chord (c,).
+    """A tooth: the vertices (k,) of its outline between two re-entrant corners, and the cells (c,) beyond its chord.
 
     origin : (3,) the first corner.    outward : (3,) unit normal of the chord, out of the member.    snap : metres."""
 
@@ -35,7 +35,7 @@ class Spike(NamedTuple):
     snap: float
 
     def heights(self, X: Floats) -> Floats:
-        """(k,) metres of points X (k, 3) beyond the chord; 0 within `snap`."""
+        """Return distances (k,) of points X (k, 3) beyond the chord, metres; 0 within `snap`."""
         height = (X - self.origin) @ self.outward
         return np.asarray(np.where(np.abs(height) < self.snap, 0.0, height))
 
@@ -43,10 +43,10 @@ class Spike(NamedTuple):
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
     """Cut teeth off the material of a sheet without pinches; return also their number.
 
-    Only material beyond a chord becomes void, and only if no second wall and no edge of the surface lies beyond the
+    Only material beyond a chord becomes void, and only if no second wall and no edge of the surface lies beyond this
     chord. So parts stay connected. Without teeth the function returns the cells unchanged."""
     count = 0
-    for _ in range(4):  # neighbouring teeth are cut off one after the other
+    for _ in range(4):  # for teeth that touch each other
         all_spikes = _spikes(cells) if cells.has_openings else []
         spikes = [all_spikes[k] for k in disjoint_groups(cells, [spike.cells for spike in all_spikes])]
         if not spikes:
@@ -72,7 +72,7 @@ def _spikes(cells: Sheet) -> list[Spike]:
 
 
 def _member_width(cells: Sheet) -> float:
-    """Mean width, metres: twice the area of the material over the length of its outline."""
+    """Return the mean width, metres: twice the area of the material, divided by the length of its outline."""
     surface, material = cells.surface, cells.material
     edge = np.zeros(len(surface.edges.ends), dtype=bool)
     edge[surface.edges.of[material]] = True
@@ -81,14 +81,14 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Re-entrant corners before (step -1) or behind (1) a tip, up to `longest` metres along the walls.
+    """Return re-entrant corners before (step -1) or behind (1) a tip, up to `longest` metres along the walls.
 
-    Each corner is a pair: the number of walls between the corner and the tip, and the length of these walls, metres."""
+    For each corner: the number of walls between it and the tip, and the length of these walls, metres."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
         length += float(walls.length[wall if step < 0 else previous_wall])
-        if not exists[1] or length > longest:  # an open chain ends on the edge of the surface
+        if not exists[1] or length > longest:  # the chain or the search ends
             break
         if walls.turns[wall] > SHARPEST:
             corners.append((k, length))
@@ -96,17 +96,17 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """Return the tooth with the walls `stretch` (k,), or None without a tooth; width : mean member width, metres."""
+    """Return the tooth with the walls `stretch` (k,), or None if there is none; width : mean member width, metres."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]
-    chord, up = (X[-1] - X[0], step @ cells.surface.normals[member_cells])  # `up` is the mean normal beside these walls
+    chord, up = (X[-1] - X[0], step @ cells.surface.normals[member_cells])  # up: mean normal at these walls
     length, outward = float(np.linalg.norm(chord)), np.cross(up, chord)
     if not outward.any() or step.sum() > (FAR if length < THIN * width else LONG) * width:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # lower teeth are tiny, or bends of a member
+    lowest = max(0.04 * width, 0.25 * length)  # below this: a bend, or tiny
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)
@@ -114,7 +114,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
 
 
 def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
-    """(c,) material cells partly beyond the chord; None if they touch another wall or an edge of the surface."""
+    """Return material cells (c,) partly beyond the chord; None if they touch another wall or an edge of the surface."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:

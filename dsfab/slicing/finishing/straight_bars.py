@@ -1,4 +1,4 @@
-"""Straight bars between two crossings in place of stripes that miss each other at a node."""
+"""Fair bars: straight or evenly bent between two crossings, in place of stripes that do not meet well at a node."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from dsfab.slicing.finishing.stubs import with_crossings
 from dsfab.surface import Surface, link_components
 from dsfab.surface.fields import CornerField
 
-TINY = 1e-12  # Least divisor, metres, so that a bar without length gives no NaN.
+TINY = 1e-12  # Smallest divisor, metres, so that a bar without length gives no NaN.
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class FairBar:
     """The new shape of a bar: straight or evenly bent between its two contacts with other members.
 
     cells : (c,) the polygons of the old bar.    ends : (2, 3) the middles of its contacts, metres.
-    across, normal : (3,) unit vectors.    half : (2,) half-widths at both ends, metres.
+    across, normal : (3,) unit vectors, in the surface and normal to it.    half : (2,) half width at each end, metres.
     bow   : (2,) a, b: at the fraction t of the length, the middle line is t (1 - t) (a + b t) metres to the left."""
 
     cells: Bools
@@ -36,8 +36,9 @@ class FairBar:
 
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """Return the straight bar in place of polygons (c,), as wide as its narrower contact; or None without two
-        contacts that are nearly perpendicular to the bar."""
+        """Return a straight bar in place of polygons (c,), as wide as its narrower contact.
+
+        Return None unless there are two contacts that are nearly perpendicular to the bar."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
@@ -49,18 +50,18 @@ class FairBar:
         across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), TINY))
         across /= max(float(np.linalg.norm(across)), TINY)
         widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
-        if (widths < 0.4 * lengths).any():  # the bar touches a member obliquely
+        if (widths < 0.4 * lengths).any():  # an oblique contact
             return None
         return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
     def with_bow(self, mesh: PolygonMesh) -> Self | None:
-        """Return the bar with the bow and the half-widths that fit its walls by least squares.
+        """Return the bar with the bow and the half widths that fit its walls by least squares.
 
-        Return None for a bar that is then too steep, or has no width at an end."""
+        Return None if the bar is then too steep, or has no width at an end."""
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # walls on the right run in the bar's direction
+        side = np.where(ahead > 0, -1, 1)  # right walls have the bar's direction
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
@@ -75,7 +76,7 @@ class FairBar:
         return sum(self.half)
 
     def heights(self, X: Floats) -> Floats:
-        """(2, k) metres by which points X (k, 3) lie inside each side of the bar."""
+        """Return distances (2, k) of points X (k, 3) from both sides of the bar, inside positive, metres."""
         t, y = self._places(X)
         t = np.clip(t, 0, 1)
         middle, slope = self._bow_at(t)
@@ -83,13 +84,13 @@ class FairBar:
         return np.array([half + y - middle, half - y + middle]) / np.hypot(1, slope)
 
     def near_length(self, X: Floats) -> Bools:
-        """(k,) mask of points X (k, 3) between the contacts, or beyond them by less than the width of the bar."""
+        """Return a mask (k,) of points X (k, 3) between the contacts, or at most one width of the bar beyond."""
         beyond = self.width / self.length
         t, _ = self._places(X)
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def deviation(self, mesh: PolygonMesh) -> float:
-        """Largest distance by which the old outline lies outside the new outline, divided by the bar's width."""
+        """Return the largest distance of the old outline outside the new outline, divided by the bar's width."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 
@@ -99,25 +100,25 @@ class FairBar:
         return max(float(np.linalg.norm(self.ends[1] - self.ends[0])), TINY)
 
     def _places(self, X: Floats) -> tuple[Floats, Floats]:
-        """Position (k,) of points X (k, 3) along the bar, 0 to 1, and metres (k,) to the left of its axis."""
+        """Return positions (k,) of points X (k, 3) along the bar, 0 to 1, and metres (k,) to the left of its axis."""
         away = X - self.ends[0]
         return away @ (self.ends[1] - self.ends[0]) / self.length**2, away @ self.across
 
     def _bow_at(self, t: Floats) -> tuple[Floats, Floats]:
-        """Distance (k,) of the middle line to the left of the axis, metres, at positions t (k,), and its slope."""
+        """Return the bow (k,) of the middle line at positions t (k,), metres to the left, and its slope."""
         (a, b), parabola = self.bow, t * (1 - t)
         return parabola * (a + b * t), ((1 - 2 * t) * (a + b * t) + parabola * b) / self.length
 
 
 def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
-    """Begin and end (k, 3), metres, of the sides of a bar that border void, counter-clockwise."""
+    """Return start and end (k, 3), metres, of the sides between a bar and void, counter-clockwise."""
     in_bar, beyond = bar[mesh.cells.owner], mesh.polygon_across
     wall = np.flatnonzero(in_bar & (beyond >= 0) & mesh.void[beyond])
     return mesh.X[mesh.cells.corner[wall]], mesh.X[mesh.cells.next_values(mesh.cells.corner)[wall]]
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
-    """Begin and end (k, 2, 3), metres, of each contact of a bar, counter-clockwise; empty at an edge of the surface."""
+    """Return start and end (k, 2, 3), metres, of a bar's contacts, counter-clockwise; none at a surface edge."""
     cells, in_bar, beyond = mesh.cells, bar[mesh.cells.owner], mesh.polygon_across
     contact_slots = np.flatnonzero(in_bar & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (in_bar & (beyond < 0)).any() or not len(contact_slots):
@@ -129,17 +130,17 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     for k in range(count):
         a, b = start[place == k], end[place == k]
         begins, finishes = np.setdiff1d(a, b), np.setdiff1d(b, a)
-        if len(begins) != 1 or len(finishes) != 1:  # the contact is a ring, or two contacts touch
+        if len(begins) != 1 or len(finishes) != 1:  # a ring, or two contacts touch
             return np.empty((0, 2, 3))
         contacts.append(mesh.X[[begins[0], finishes[0]]])
     return np.array(contacts)
 
 
-ASKEW = 0.25  # Bars with a smaller `deviation` from a straight bar stay.
-UNEVEN = 0.12  # Bent bars with a smaller `deviation` from an evenly bent bar stay.
-FAR = 1.5  # Bars with a larger `deviation` stay: they bend in another way, or a further member touches them.
-SNAP = 0.02  # Vertices nearer to a side than this fraction of the width move onto the side, to avoid slivers.
-LARGER = 2.5  # A bar may not become larger or smaller by this factor.
+ASKEW = 0.25  # Bars stay if their `deviation` from a straight bar is smaller.
+UNEVEN = 0.12  # Bent bars stay if their `deviation` from an evenly bent bar is smaller.
+FAR = 1.5  # Bars stay if their `deviation` is larger: they bend in another way, or a third member touches them.
+SNAP = 0.02  # Vertices this near to a bar's side move onto it, to avoid slivers; in widths of the bar.
+LARGER = 2.5  # The area of a bar may change by less than this factor.
 
 
 def with_straight_bars(
@@ -147,7 +148,7 @@ def with_straight_bars(
 ) -> tuple[PolygonMesh, int]:
     """Replace bars through nodes by straight bars, and bars near singular points by evenly bent bars.
 
-    surface, fields : those of the cut.    Returns the mesh and the number of replaced bars.
+    surface, fields : as in `cut`.    Returns the mesh and the number of replaced bars.
 
     The parts of the sheet stay connected: both contacts of a bar remain, and no other member touches the bar."""
     nodes = nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void)
@@ -166,14 +167,14 @@ def with_straight_bars(
 
 
 def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
-    """Mask (c,) of material in or beside faces where the material's own field has no phase."""
+    """Return a mask (c,) of material in or beside faces where the material's own field has no phase."""
     blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
     near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
     return np.asarray(near_blank[mesh.family, mesh.parent] & ~mesh.void)
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """New shapes of bars, which do not overlap. A bar is a node with its stripes, or a stripe near a singular point.
+    """Return new shapes of bars that do not overlap: nodes with their stripes, and stripes near singular points.
 
     A crossing that touches a node may belong to the bar, too, because stripes may overlap before they end."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
@@ -203,7 +204,7 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
     """Replace the polygons `bar` (c,) by the bar's new shape; return also the old polygon (c',) of each new polygon.
 
-    The mesh is None if the area of the bar would change by more than the factor `LARGER`."""
+    The mesh is None if the area of the bar would change by the factor `LARGER` or more."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

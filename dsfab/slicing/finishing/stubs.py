@@ -1,7 +1,7 @@
-"""Remove stubs: stripes that run on past their last crossings to a node.
+"""Remove stubs: the ends of stripes between their last crossings and a node.
 
-Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). The stubs at this node are
-a bar across one opening, or a hook beside a member, with a lump at the node:
+Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). Their stubs form a bar
+across one opening, or a hook beside a member, with a lump at the node:
 
     ---+--+--+---           ---+--+--+---
        |  |  |                 |     |              o : the node.    + : the last crossings of its stubs.
@@ -9,7 +9,7 @@ a bar across one opening, or a hook beside a member, with a lump at the node:
        |  |  |                 |     |
     ---+--+--+---           ---+--+--+---
 
-Without stubs one opening remains. The size of an opening is 4 area / perimeter, divided by the openings' median."""
+Without stubs one opening remains. Here sizes of openings are 4 area / perimeter, divided by their median."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,19 +24,19 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Stubs stay if the opening without them would be larger than this size, which one opening in twenty exceeds."""
+"""Stubs stay if the opening without them would be larger than this size; 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
-"""An opening under EYELET times its neighbour is an eyelet. For stubs around an eyelet LARGER replaces `LARGE`."""
-GOOD = 1.1  # Stubs between openings that are all larger than this size stay, because they divide a large opening.
+"""An eyelet is an opening smaller than EYELET times its neighbour. At an eyelet, LARGER replaces `LARGE`."""
+GOOD = 1.1  # Stubs stay if all openings beside them are larger than this size: they divide a large opening.
 SMALL = 0.6  # Stubs stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
-"""Largest turn of the outline, radians, where a stub was removed, because a sharper corner would be a loose end."""
+"""Maximum change of direction of the outline, radians, at a removed stub; a sharper corner would be a loose end."""
 
 
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove nodes and the stubs that lead to them if one good opening remains; return also the number of places.
+    """Remove nodes, and the stubs that lead to them, if one opening of good size remains; return the number of places.
 
-    Parts stay connected and no new end appears, because the members that touch a removed bar run past the bar."""
+    Parts stay connected and no new end appears, because the members at a removed bar continue on both of its sides."""
     nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
         lumps = with_crossings(mesh, nodes & ~mesh.void) if include_crossings else nodes & ~mesh.void
@@ -51,7 +51,7 @@ def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
 
 
 def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
-    """Mask (c,) of nodes (c,), and of crossings that touch nodes, because stubs may overlap before they end."""
+    """Return a mask (c,) of `nodes` (c,), and of crossings that touch nodes: stubs may overlap before they end."""
     crossing = mesh.part_labels(~mesh.void & ((mesh.also != VOID) | nodes))
     return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
@@ -61,8 +61,8 @@ class _Bars:
     """Removable bars (b,) between openings (o,).
 
     label   : (c,) the bar of each polygon, or -1.
-    area    : (b,) square metres.    wall : (b,) metres of outline towards other material or the edge of the surface.
-    pair    : (k, 2) bars and the openings beside them, each pair once.    shared : (k,) metres of their common outline.
+    area    : (b,) square metres.    wall : (b,) outline at other material or at the edge of the surface, metres.
+    pair    : (k, 2) number of a bar, and of an opening beside it.    shared : (k,) their common outline, metres.
     opening : (o, 2) area, square metres, and perimeter, metres, of each opening.
     cut     : (b,) True if the material without the bar stays connected and gets no new end."""
 
@@ -112,7 +112,7 @@ class _Bars:
         return np.bincount(self.pair[:, 0], minlength=len(self.area))
 
     def sizes_without(self, group: Ints, count: int) -> Floats:
-        """Size (count,) of the opening that remains if all bars of a group are removed.
+        """Return the size (count,) of the opening that remains if all bars of a group are removed.
 
         group : (b,) the group of each bar; bars of group -1 stay."""
         bar, opening = self.pair.T
@@ -134,7 +134,7 @@ class _Bars:
 
     @cached_property
     def extremes(self) -> tuple[Floats, Floats]:
-        """Sizes (b,) of the smallest and of the largest opening beside each bar; inf and 0 if there is none."""
+        """Sizes of the smallest (b,) and of the largest (b,) opening beside each bar; inf and 0 if there is none."""
         smallest, largest = np.full(len(self.area), np.inf), np.zeros(len(self.area))
         bar, opening = self.pair.T
         np.minimum.at(smallest, bar, self.sizes[opening])
@@ -143,14 +143,14 @@ class _Bars:
 
     @cached_property
     def lumps(self) -> Bools:
-        """Mask (b,) of bars inside a single opening whose removal makes this opening's size larger."""
+        """(b,) mask of bars inside a single opening, whose size becomes larger without the bar."""
         return np.asarray(
             (self.opening_count == 1) & (self.sizes_without_each > np.maximum(1.02 * self.extremes[1], SMALL))
         )
 
     @cached_property
     def eyelets(self) -> Bools:
-        """Mask (b,) of bars between openings that become one opening of good size without them.
+        """(b,) mask of bars between several openings, which become one opening of good size without the bar.
 
         If several such bars are at one opening, all of them or none are in the mask."""
         smallest, limits = self.extremes
@@ -165,12 +165,12 @@ class _Bars:
         group, count = self._groups(fits)
         limits = np.full(count, LARGE)
         np.maximum.at(limits, group[fits], largest[fits])
-        # the last value, which index -1 reads, is for bars without a group
+        # index -1, for bars without a group, reads the last value
         accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Group (b,) of chosen bars, -1 for others, and the number of groups; a group has all bars at one opening."""
+        """Return groups (b,) of the chosen bars, -1 for others, and their number; bars at one opening are a group."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]
@@ -179,7 +179,7 @@ class _Bars:
 
 
 def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyond: Ints) -> Bools:
-    """Mask (b,) of bars whose neighbours are one connected piece if all bars are removed.
+    """Return a mask (b,) of bars whose neighbours are connected with each other after all bars are removed.
 
     contact_sides : (h,) sides between a bar and other material."""
     rest = mesh.part_labels(~mesh.void & (label < 0))
@@ -189,7 +189,7 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """Largest turn (b,), radians, of the outline that remains at the contacts of each removed bar.
+    """Return the largest change of direction (b,), radians, of the remaining outline where each bar was removed.
 
     side : (s,) the sides of bars that touch other material."""
     cells, count = mesh.cells, len(mesh.X)
@@ -216,7 +216,7 @@ def _angles(mesh: PolygonMesh) -> Floats:
 
 
 def _below_limits(x: Floats, limit_of_each: float | Floats) -> Bools:
-    """Mask (k,) of values x (k,) below their limits; of nearly equal values, all or none are below."""
+    """Return a mask (k,) of values x (k,) below their limits; of nearly equal values, all or none are below."""
     limits = np.broadcast_to(limit_of_each, x.shape)
     result = np.zeros(len(x), dtype=bool)
     for threshold in np.unique(limits):

@@ -1,4 +1,4 @@
-"""Stripes as functions on a surface: `Chart` with two phases at its vertices, and the middle lines of stripes."""
+"""Stripes as functions on a surface: two phases at its vertices (`Chart`), and the middle lines of stripes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,17 +16,17 @@ from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.topology import EdgeTable, edge_table
 
-SLICING_SAME = 2.0**-30  # Phases that differ by less than this number of periods are equal.
+SLICING_SAME = 2.0**-30  # Phases count as equal if they differ by less than this, in periods.
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A surface cut open where phases do not fit together. The middles of stripes lie at whole numbers of a phase.
+    """A surface with cuts where phases do not fit together. On middle lines of stripes, a phase is a whole number.
 
-    surface : the cut surface with its own vertices n' and faces m'.    parent : (m',) face of the uncut surface (n, m).
+    surface : the surface with cuts; n' vertices, m' faces.    parent : (m',) face of the uncut surface (n, m).
     weights : (n', n) barycentric weights on the uncut vertices.
-    z       : (n', 2) phases of both families; each whole number is a line that is drawn there.
-    scale   : (n', 2) fraction of the finest lines that is drawn, such as 1/2 for every second line; 0: no phase."""
+    z       : (n', 2) phases of both families. After halving, whole numbers are the remaining lines only.
+    scale   : (n', 2) fraction of the finest lines that remains, such as 1/2 for every second line; 0: no phase."""
 
     surface: Surface
     parent: Ints
@@ -38,14 +38,14 @@ class Chart:
         lock_floats(self, z=(self.surface.n, 2), scale=(self.surface.n, 2))
 
     def carry(self, x: Floats) -> Floats:
-        """Interpolate values (n, ...) at the uncut vertices to this chart's vertices (n', ...)."""
+        """Interpolate values (n, ...) at the uncut vertices; return values (n', ...) at this chart's vertices."""
         return np.asarray(self.weights @ x)
 
 
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
-    """Return the chart of a surface that was divided by `halve_lines`.
+    """Return the chart of a surface that `halve_lines` divided.
 
-    phases : both fields, for instance before snapping; default: the snapped fields, which fit the openings."""
+    phases : both fields; default: the snapped fields of `halved`, which fit its openings."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
@@ -65,7 +65,7 @@ def _group_equal_rows(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
     """Group rows with equal keys (k,) and equal numbers (k, r); return each group's first row, and each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # sorting these few rows is enough
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # only these rows need sorting
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])
@@ -85,19 +85,19 @@ def _corner_slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
     return np.asarray(order[np.searchsorted(key[order], corner_key)])
 
 
-ON = 1e-6  # A phase within this number of periods of a whole number is on the middle of a stripe.
+ON = 1e-6  # A point lies on the middle of a stripe if its phase is this near to a whole number.
 POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
-"""(4, 3) sample points of a face: near the centroids of the face's four equal triangles."""
+"""(4, 3) sample points of a face, near the centroids of the four equal triangles that divide it."""
 
 
 @dataclass(frozen=True, eq=False)
 class StripeChart:
-    """Stripes |z - k| < d around each whole number k, and other material such as rims and discs.
+    """Stripes, where the phase z is within d of a whole number, and other material such as rims and discs.
 
-    surface : n vertices, m faces; a surface cut open has several vertices at the same place.
+    surface : n vertices, m faces; a surface with cuts has several vertices at the same place.
     z       : (n, 2) phases of both families, whole numbers at the middles of stripes.
-    d       : (n, 2) half-widths, in periods.
-    known   : (m, 2) faces with a phase; other faces have no stripes.
+    d       : (n, 2) half widths, in periods.
+    known   : (m, 2) True for faces with a phase; other faces have no stripes.
     kept    : (n,) positive in the other material."""
 
     surface: Surface
@@ -114,7 +114,7 @@ class StripeChart:
 
     @classmethod
     def from_chart(cls, chart: Chart, d: Floats, kept_values: Floats) -> Self:
-        """Return the stripes of a chart, from half-widths d (n, 2) and `kept` values (n,) at the uncut vertices."""
+        """Return the stripes of a chart; d (n, 2) half widths, and `kept` values (n,), at the uncut vertices."""
         has_phase = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
         nearest_whole = np.rint(chart.z)
         z = np.where(np.abs(chart.z - nearest_whole) < ON, nearest_whole, chart.z)
@@ -122,7 +122,7 @@ class StripeChart:
 
     @cached_property
     def place(self) -> Ints:
-        """(n,) the place of each vertex: vertices with equal coordinates have the same number."""
+        """(n,) number of each vertex's place; vertices with equal coordinates have the same place."""
         order = np.lexsort(self.surface.V.T)
         apart = (np.diff(self.surface.V[order], axis=0) != 0).any(axis=1)
         place = np.empty(self.surface.n, dtype=np.int64)
@@ -131,15 +131,15 @@ class StripeChart:
 
     @cached_property
     def table(self) -> EdgeTable:
-        """Edges between places of vertices, so that both sides of a cut have the same edge."""
+        """Edges between places, so that both sides of a cut have the same edge."""
         return edge_table(self.place[self.surface.F])
 
     def corners(self, x: Floats) -> Floats:
-        """Values (3, m) at the corners of the faces, from values x (n,) at the vertices."""
+        """Return values (3, m) at the corners of the faces, from values x (n,) at the vertices."""
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """Mask (m,) of faces on which the phase of family k grows, by at least 1e-9 periods over the surface's size."""
+        """Return a mask (m,) of faces on which phase k is not constant: over 1e-9 periods along the surface's size."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property
@@ -155,23 +155,23 @@ class StripeChart:
 
     @cached_property
     def slope(self) -> tuple[Floats, Floats]:
-        """Stripes per metre (m,) of each family; never 0."""
+        """(m,) stripes per metre, for each of both families; never 0."""
         major, minor = (np.maximum(lengths(g), np.finfo(float).tiny) for g in self.gradients)
         return major, minor
 
     def inside(self, k: int, face: Ints, coordinates: Floats) -> Bools:
-        """Mask (q,) of points in stripes of family k, at barycentric coordinates (q, 3) of faces (q,)."""
+        """Return a mask (q,) of points in stripes of family k; coordinates : (q, 3) barycentric in faces (q,)."""
         corner = self.surface.F[face]
         z, d = (np.einsum("qc,qc->q", x[corner, k], coordinates) for x in (self.z, self.d))
         return np.asarray((np.abs(z - np.rint(z)) <= d + ON * (d > 0)) & self.known[face, k])
 
     def is_kept(self, face: Ints, coordinates: Floats) -> Bools:
-        """Mask (q,) of points that lie in material other than stripes."""
+        """Return a mask (q,) of points that lie in material other than stripes."""
         return np.asarray(np.einsum("qc,qc->q", self.kept[self.surface.F[face]], coordinates) > 0)
 
     @cached_property
     def void(self) -> Floats:
-        """Share (m,) of each face that is void, from four sample points."""
+        """(m,) fraction of each face that is void, from four sample points."""
         solid = self._kept_points.copy()
         for k in (0, 1):
             z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
@@ -179,14 +179,14 @@ class StripeChart:
         return np.asarray(1 - solid.mean(axis=0))
 
     def member_widths(self, k: int) -> tuple[Floats, Floats]:
-        """(m,) widths of the members of family k on the faces, metres, and their area there, m2."""
+        """Return widths (m,) of the members of family k on the faces, metres, and their area (m,) there, m2."""
         z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
         share = ((np.abs(z - np.rint(z)) < d) & self.known[:, k]).mean(axis=0)
         return 2 * d.mean(axis=0) / self.slope[k], self.surface.areas * share
 
     @cached_property
     def free(self) -> Floats:
-        """Share (m,) of each face without other material (`kept`), from four sample points."""
+        """(m,) fraction of each face that is not `kept`, from four sample points."""
         return np.asarray(1 - self._kept_points.mean(axis=0))
 
     @cached_property
@@ -196,10 +196,10 @@ class StripeChart:
 
 @dataclass(frozen=True, eq=False)
 class StripeMiddles:
-    """Middle lines of the members of family k, in pieces (s,): one for each face and line.
+    """Middle lines of the members of family k. Each face divides them into pieces (s,).
 
     face : (s,) face.    at : (s, 2, 3) barycentric coordinates of both ends.    node : (s, 2) nodes (j,) at both ends.
-    copy : (s,) True for a piece along an edge that equals a piece of the neighbouring face.
+    copy : (s,) True for a piece along an edge, if the neighbouring face has the same piece.
     edge : (j,) True for nodes on the boundary of the surface."""
 
     drawn: StripeChart
@@ -212,13 +212,13 @@ class StripeMiddles:
 
     @cached_property
     def points(self) -> Floats:
-        """(s, 2, 3) ends, metres."""
+        """(s, 2, 3) both ends of each piece, metres."""
         surface = self.drawn.surface
         return np.asarray(np.einsum("sec,scx->sex", self.at, surface.V[surface.F[self.face]]))
 
     @cached_property
     def length(self) -> Floats:
-        """Length (s,) of each piece, metres. If both faces at an edge have the same piece, each piece counts half."""
+        """(s,) length of each piece, metres; half of it if both faces at an edge have the same piece."""
         metres = np.linalg.norm(self.points[:, 1] - self.points[:, 0], axis=1)
         key = self.node.min(axis=1) * len(self.edge) + self.node.max(axis=1)
         group = equal_key_groups(key)[2]
@@ -230,14 +230,14 @@ class StripeMiddles:
         return np.bincount(self.node[~self.copy].ravel(), minlength=len(self.edge))
 
     def at_nodes(self, marked: Bools) -> Bools:
-        """Mask (j,) of nodes at which an end in the mask `marked` (s, 2) lies."""
+        """Return a mask (j,) of the nodes at the marked ends (s, 2)."""
         result = np.zeros(len(self.edge), dtype=bool)
         result[self.node[marked]] = True
         return result
 
     @cached_property
     def ends_in_material(self) -> Bools:
-        """Mask (s, 2) of ends that lie in a member of the other family, or in material other than stripes."""
+        """(s, 2) mask of ends that lie in a member of the other family, or in material other than stripes."""
         face, coordinates = np.repeat(self.face, 2), self.at.reshape(-1, 3)
         inside = self.drawn.inside(1 - self.k, face, coordinates) | self.drawn.is_kept(face, coordinates)
         return np.asarray(inside.reshape(-1, 2))
@@ -251,9 +251,9 @@ class StripeMiddles:
 
 
 class _Pieces(NamedTuple):
-    """Pieces (s,) of middle lines: face, whole number of the phase, and the places (s, 2) of both ends in the face.
+    """Pieces (s,) of middle lines: face, whole number of the phase, and slots (s, 2) of both ends.
 
-    Places 0 to 2 are the face's corners; place 3 + c is inside the side that begins at corner c."""
+    Slots 0 to 2 are the face's corners; slot 3 + c lies inside the side that begins at corner c."""
 
     face: Ints
     line: Ints
@@ -261,7 +261,7 @@ class _Pieces(NamedTuple):
 
 
 def stripe_middles(chart: StripeChart, k: int) -> StripeMiddles:
-    """Return the middles of the members of family k; none for half-widths of 0."""
+    """Return the middle lines of the members of family k; none where half widths are 0."""
     F = chart.surface.F
     pieces = _pieces(chart, k)
     z = chart.z[F[pieces.face], k] - pieces.line[:, None]
@@ -289,9 +289,9 @@ def _pieces(chart: StripeChart, k: int) -> _Pieces:
 
 
 def _barycentric(z: Floats, slot: Ints) -> Floats:
-    """Barycentric coordinates (s, 3) of the points with z = 0; z (s, 3) are values at the corners of faces.
+    """Return barycentric coordinates (s, 3) of the points with z = 0; z : (s, 3) at the corners of faces.
 
-    slot : (s,) places of the points, as in `_Pieces`."""
+    slot : (s,) slots of the points, as in `_Pieces`."""
     row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
     next_corner = (corner + 1) % 3
     a, b = z[row, corner], z[row, next_corner]
@@ -303,9 +303,9 @@ def _barycentric(z: Floats, slot: Ints) -> Floats:
 
 
 def _nodes(chart: StripeChart, pieces: _Pieces, coordinates: Floats) -> tuple[Ints, Bools]:
-    """Node (s, 2) at each end of a piece, and mask (j,) of nodes on the boundary of the surface.
+    """Return the nodes (s, 2) at the ends of each piece, and a mask (j,) of nodes on the boundary of the surface.
 
-    Nodes at vertices have the first numbers; nodes on edges follow in their order along each edge."""
+    Nodes at vertices have the lowest numbers. Nodes on edges follow, in their order along each edge."""
     table, F = chart.table, chart.surface.F
     face, slot, weight = np.repeat(pieces.face, 2), pieces.slot.ravel(), coordinates.reshape(-1, 3)
     corner, on_edge, row = slot % 3, slot >= 3, np.arange(len(slot))

@@ -1,4 +1,4 @@
-"""Lines of a cut sheet: edges by the family that they bound, corners of the outline, middle lines of members."""
+"""Lines of a cut sheet: edges by the family that they bound, corners of the outline, and middle lines of members."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet: half-edge, first vertex, last vertex, number of the curve, and family.
 
-    The number of a curve is the number of the sheet's line, but -1 - k for all levels of field k, which meet at tips
-    only. The family is the cell's family, or `VOID` (-1) on the boundary of the uncut surface."""
+    The number of a curve is the number of the sheet's line. But all levels of field k have -1 - k, because they meet
+    only at tips. The family is the cell's family, or `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
     start: Ints
@@ -41,9 +41,9 @@ def outline_labels(sheet: Sheet) -> Labels:
 
 
 def outline_corners(sheet: Sheet) -> Floats:
-    """Vertices (k, 3), metres, of a material sheet's outline where two curves meet, at any angle.
+    """Return the outline's vertices (k, 3) of a material sheet where two curves meet, at any angle; metres.
 
-    A fillet is one curve, so only the two ends of a fillet are such vertices."""
+    A fillet is a single curve, so only its two ends are such vertices."""
     _, a, b, *names = outline_labels(sheet)
     curve = np.unique(np.stack(names), axis=1, return_inverse=True)[1].ravel()
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
@@ -53,14 +53,14 @@ def outline_corners(sheet: Sheet) -> Floats:
     return np.asarray(sheet.surface.V[low < high])
 
 
-LEAST = 1e-7  # Parts and gaps of a segment under this fraction of the segment's length are rounding errors.
+LEAST = 1e-7  # Shorter parts and gaps of a segment are rounding errors; as a fraction of its length.
 
 
 class Spans(NamedTuple):
-    """Parts (p,) of segments that lie on cells of a sheet.
+    """Parts (p,) of segments that lie on a sheet.
 
     segment : (p,) segment of each part.    begin, end : (p,) positions on the segment, 0 to 1.
-    of_pair, cell : (q,) pairs of a part and a cell that the part crosses."""
+    of_pair, cell : (q,) number of a part, and a cell of the sheet that it crosses."""
 
     segment: Ints
     begin: Floats
@@ -70,14 +70,14 @@ class Spans(NamedTuple):
 
 
 def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sheet: Sheet, F: Ints) -> Spans:
-    """Return the parts of segments that lie on cells of a sheet.
+    """Return the parts of segments that lie on the cells of a sheet.
 
-    A view is a segment as a face sees it; a segment on an edge may have two views, one from each face.
+    A view is a segment as a face sees it. A segment on an edge may have two views, one from each face.
     face        : (v,) the chart's face of each view.    segment : (v,) number of the segment.
     view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of this face.
     F           : (m, 3) the uncut faces."""
     corners = _parent_coordinates(chart.weights, chart.surface.F[face], chart.parent[face], F)
-    ends = view_ends @ corners  # barycentric coordinates on the uncut faces
+    ends = view_ends @ corners  # barycentric, on the uncut faces
     order = sorted_order(sheet.parent)
     parents = sheet.parent[order]
     begin, end = (np.searchsorted(parents, chart.parent[face], side=side) for side in ("left", "right"))
@@ -90,7 +90,7 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
 
 
 def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) -> Floats:
-    """Corners (k, 3, 3) of triangles F (k, 3) in barycentric coordinates of uncut faces, `parent` (k,)."""
+    """Return the corners (k, 3, 3) of triangles F (k, 3) in barycentric coordinates of uncut faces `parent` (k,)."""
     entries = weights[F.ravel()].tocoo()
     row, column = (index.astype(np.int64) for index in entries.coords)
     coordinates = np.zeros((3 * len(F), 3))
@@ -99,7 +99,7 @@ def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) 
 
 
 def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """Begin and end (q,) of the part of each segment (q, 2, 2) in its triangle (q, 3, 2); end < begin if outside."""
+    """Return start and end (q,) of each segment's part (q, 2, 2) in its triangle (q, 3, 2); end < start if outside."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
@@ -118,7 +118,7 @@ def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
 def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
     order = np.lexsort([begin, segment])
     segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
-    upto = np.maximum.accumulate(2.0 * segment + end)  # segment s uses the interval from 2 s to 2 s + 1
+    upto = np.maximum.accumulate(2.0 * segment + end)  # segment s lies from 2 s to 2 s + 1
     begins_span = np.ones(len(segment), dtype=bool)
     begins_span[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
     first_rows = np.flatnonzero(begins_span)
@@ -129,7 +129,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: its points (k, 3), metres, and the line's number on most of its length."""
+    """A middle line of a member: its points (k, 3), metres, and the number of the line on most of its length."""
 
     number: int
     points: Floats
@@ -137,7 +137,7 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middle lines, each between two nodes. A segment along an edge may have two views, one from each face.
+    """Segments of middle lines, each between two nodes. A segment on an edge may have two views, one from each face.
 
     link   : (l, 2) nodes of the segments.    point : (nodes, 3) metres.
     of     : (v,) the segment of a view.      face  : (v,) the chart's face of a view.
@@ -153,10 +153,10 @@ class Chords:
 
     @classmethod
     def from_chart(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
-        """Return the segments of a family in faces with a phase and with a half-width (n,) above 0 at all corners.
+        """Return the segments of a family in faces with a phase and with half widths (n,) above 0 at all corners.
 
              |                  A whole number k between the values at a face's corners gives a segment between two
-        ---o-+-o---  k          sides or from a corner. If two corners have the value k, the side between is a segment.
+        ---o-+-o---  k          sides, or from a corner to a side. Two corners with the value k give a segment, too.
              |"""
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
         wide = chart.carry(half_width)[chart.surface.F].min(axis=1) > 0
@@ -175,7 +175,7 @@ class Chords:
     @classmethod
     def _from_zeros(cls, chart: Chart, face: Ints, number: Ints, d: Floats) -> "Chords":
         ahead = np.roll(d, -1, axis=1)
-        meets = np.concatenate([d == 0, d * ahead < 0], axis=1)  # columns 0 to 2: at corners; 3 to 5: inside sides
+        meets = np.concatenate([d == 0, d * ahead < 0], axis=1)  # three corners, then three sides
         crossed_slot = np.nonzero(meets)[1].reshape(-1, 2)
         t = np.where(d * ahead < 0, d / np.where(d == ahead, 1.0, d - ahead), 0.0)
         corner, share = crossed_slot % 3, np.take_along_axis(t, crossed_slot % 3, axis=1)
@@ -188,13 +188,11 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """Nodes (v, 2) at which segments end, and points (nodes, 3), metres.
+    """Return the nodes (v, 2) at the ends of segments, and the points (nodes, 3) of all nodes, metres.
 
     An end is a corner of the face (`at_corner`), or lies at the fraction `share` of the side that begins at the corner.
     """
-    V, vertex = np.unique(
-        chart.surface.V, axis=0, return_inverse=True
-    )  # vertices on both sides of a cut become one vertex
+    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # joins the two sides of each cut
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
     start, side = F[face, corner], edges.of[face, corner]
@@ -212,11 +210,11 @@ def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share:
 
 
 def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints, passing: Ints) -> list[Middle]:
-    """Return the middle lines of one family's members on the remaining sheet.
+    """Return the middle lines of one family's members, as far as the sheet has material.
 
-    half_width : (n,) in periods: material is |z - k| < d; d = 0 means no member.
+    half_width : (n,) d in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : families of members that cross these members. Lines only in cells of these families are left out."""
+    passing    : families whose members cross. A line that lies only in cells of these families is left out."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -236,9 +234,9 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """Nodes (p, 2) of the parts of segments, and the points of all nodes, metres. At most two parts share a node.
+    """Return the nodes (p, 2) of the parts of segments, and the points of all nodes, metres.
 
-    An end that was cut gets a node of its own, and so does each end where more than two segments meet."""
+    At most two parts share a node: each end that was cut off, or where over two segments meet, has its own node."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -257,27 +255,27 @@ def dominant_number(number: Ints, weight: Floats) -> int:
     return int(values[np.argmax(np.bincount(group.ravel(), weight))])
 
 
-BOUNDARY = "boundary"  # The name of the family of edges on the boundary of the uncut surface.
-STRIPES = ("major", "minor")  # The families of a chart, in its order.
+BOUNDARY = "boundary"  # The family name of edges on the boundary of the uncut surface.
+STRIPES = ("major", "minor")  # The families of a chart, in order.
 
 
 class CornerLines(NamedTuple):
-    """A field of evenly spaced stripes, given at corners of faces, and its levels (k,) at the middles of stripes."""
+    """A field of evenly spaced stripes, given at the corners of faces, and the levels (k,) of their middle lines."""
 
     field: CornerField
     levels: Floats
 
 
 Phase = Floats | CornerLines | None
-"""Phase (n,) on the uncut surface, whole at the middles of stripes; or values at corners; None without stripes."""
+"""Phase (n,) on the uncut surface, a whole number at the middles of stripes; a corner field; None without stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
     """Divide the outline of a material sheet into lines, at each change of family or stripe.
 
-    names  : of the fields of the cut; a cell's `family` is an index into them.
-    phases : for each field. An edge belongs to the stripe k that is nearest to z in its cell. If phases are given at
-             corners, k may change along a line; then the line gets the k of most of its length.
+    names  : names of the fields of the cut; a cell's `family` is an index into them.
+    phases : for each field. An edge belongs to the stripe k that is nearest to z in its cell. In a corner field, k may
+             change along a line; then the line gets the k of most of its length.
     Together the lines are the boundary of the sheet, each edge once, with the material on the left."""
     labels = outline_labels(sheet)
     stripes = _Stripes(sheet, uncut, phases, labels)
@@ -316,7 +314,7 @@ class _Stripes:
         return np.asarray(np.rint(nearest_levels(z, phase.levels)), dtype=np.int64)
 
     def changes(self, edges: Ints, loop: Ints) -> Bools:
-        """Mask (k,) of edges in a loop whose stripe, family or curve differs from that of the previous edge."""
+        """Return a mask (k,) of edges in a loop that differ from the previous edge in stripe, family or curve."""
         before = np.roll(edges, 1)
         number = self.number[before].astype(np.float64)
         for k, phase in enumerate(self.phases):
@@ -324,7 +322,7 @@ class _Stripes:
                 same_field = np.flatnonzero((self.family[edges] == k) & (self.family[before] == k))
                 f, g = self.parent[edges[same_field]], self.parent[before[same_field]]
                 rows = self.weights[loop[same_field]]
-                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex of both uncut faces
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex that both uncut faces have
                 place, place_before = (f, corner_places(self.F[f], base)), (g, corner_places(self.F[g], base))
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]
@@ -334,11 +332,10 @@ class _Stripes:
 
 
 def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
-    """Return the middles z = k of one family's members, for all integers k, on the remaining surface.
+    """Return the middle lines z = k of one family's members on the sheet, for all whole numbers k.
 
-    phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d. Without a member (d = 0)
-    there is no middle line. Both fields are linear in each cell of the sheet, so the lines are exact and end at the
-    edges of the sheet."""
+    phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d. Where d = 0, there is
+    no middle line. Both fields are linear in each cell of the sheet, so the lines are exact."""
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
     member = sheet.carry(np.minimum(half_width, 1.0))[sheet.surface.F].min(axis=1) > 0
@@ -351,8 +348,8 @@ def chart_lines(
 ) -> list[StructureLine]:
     """Return `centre_lines` of evenly spaced members, each extended to the middle of the member that it meets.
 
-    names      : of the fields of the cut.    name : "major" or "minor".
-    half_width : (n,) on the uncut surface, in periods of the drawn lines."""
+    names      : names of the fields of the cut.    name : "major" or "minor".
+    half_width : (n,) on the uncut surface, in periods of the remaining lines."""
     family = STRIPES.index(name)
     passing = np.array([k for k, field_name in enumerate(names) if field_name == STRIPES[1 - family]], dtype=np.int64)
     lines = member_middles(chart, family, half_width, sheet, uncut.F, passing)
@@ -371,7 +368,7 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
-    """Loops of boundary vertices, and for each loop the half-edges after its vertices.
+    """Return loops of boundary vertices, and for each loop the half-edges that begin at its vertices.
 
     A surface with two sides lies on the left of the loops."""
     half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)

@@ -1,10 +1,10 @@
-"""Overlay: a finished sheet divided along the edges of all stripes, also where another stripe covers them.
+"""Overlay: a finished sheet that is divided along the edges of all stripes, also where one stripe covers another.
 
-Later fields do not cut a cell that an earlier field made material. So under a crossing the second member is missing.
-Here the cells of the sheet are also divided along the edges of the later fields:
+Later fields do not cut a cell that an earlier field made material. So the second member is missing at a crossing. Here
+the cells of the sheet are also divided along the edges of later fields:
 
      |     |              |     |
------+     +-----    -----+-----+-----     A cell of the crossing is then a part of both members.
+-----+     +-----    -----+-----+-----     The cell * of the crossing is now a part of both members.
      |     |     ->       |  *  |
 -----+     +-----    -----+-----+-----
      |     |              |     |
@@ -26,18 +26,18 @@ from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.surface import CornerField, Surface, link_components
 
-ZERO = 2.0**-30  # Offsets from the middle of a band below this number, in the unit of the field, count as zero.
+ZERO = 2.0**-30  # Smaller offsets from the middle line of a stripe count as zero; in the unit of the field.
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """The stripes of one field of a cut. A stripe lies where one of the levels is between both values of the field.
+    """The stripes of one field of a cut: a place lies in a stripe if a level is between both values of the field.
 
     family : name; fields of the same family do not cross each other.
     field  : two values at corners of the uncut surface; or values (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
-    centre : the middle line of a stripe lies where the mean of both values is the stripe's level + centre.
-    hides  : if True, the stripe appears only in its own material, or in material of an earlier field that hides."""
+    centre : on the middle line of a stripe, the mean of both values is the stripe's level + centre.
+    hides  : True if the stripe exists only in its own material, or in material of an earlier field that hides."""
 
     family: str
     field: CornerField | Floats
@@ -48,15 +48,15 @@ class DrawnBand:
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """A material sheet that is also divided along hidden edges, and the stripes of each cell.
+    """A material sheet that is also divided along hidden edges of stripes, and the stripes of each cell.
 
     sheet  : m cells, all of them material; `family` is the field that made each cell.
     source : (m,) the undivided cell that contains each cell.
-    part   : (m, f) for each field, the connected stripe that a cell belongs to; -1 for none.
-    of     : (count,) the field of each stripe.    level : (count,) the level on most of its area.
+    part   : (m, f) for each field, the number of the stripe that contains the cell; -1 for none.
+    of     : (count,) the field of each stripe.    level : (count,) its level, on most of its area.
     own    : (m,) True for cells in a stripe of the field that made them material.
-    offset : (m, 3, f) field at the corners minus the value on the middle line of the cell's stripe; never 0, so that
-             the line crosses two sides of a cell or none. Both cells at an edge have equal offsets up to a sign."""
+    offset : (m, 3, f) field at the corners, minus its value on the stripe's middle line. No offset is 0, so this line
+             crosses two sides of a cell or none. At a common edge, two cells have the same offsets up to a sign."""
 
     sheet: Sheet
     source: Ints
@@ -76,7 +76,7 @@ class Overlay:
 
     @cached_property
     def adjacent_cells(self) -> Ints:
-        """(p, 2) cells that share an edge."""
+        """(p, 2) pairs of cells that share an edge."""
         return np.asarray(self.sheet.surface.edges.pairs // 3)
 
 
@@ -84,9 +84,9 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     """Divide a material sheet, cut from the surface `uncut`, along the edges of every band.
 
     bands : one for each field of the cut, in order.
-    snap  : snap fraction of hidden edges (see `cut`).
+    snap  : snap fraction for hidden edges (see `cut`).
 
-    A stripe that made no cell material is left out, because finishing removed this stripe."""
+    A stripe that made no cell material is left out, because finishing removed it."""
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
     mesh = PolygonMesh.from_surface(base).with_lines_of(sheet)
@@ -117,7 +117,7 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
 
 
 def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
-    """Mask (m,) of material of other fields under which the stripes of band k may continue."""
+    """Return a mask (m,) of other fields' material that may cover stripes of band k."""
     covers = np.array([band.family != bands[k].family and (band.hides or not bands[k].hides) for band in bands])
     covers &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
     return np.asarray(covers[family])
@@ -128,7 +128,7 @@ class _BandOnCells:
     """The values of a band on triangles.
 
     z : (m, 3) mean of both values at the corners, in the triangle's sign.    d : (m,) half of their difference.
-    number : (m,) the level nearest to the centroid.    off : (m,) difference between this level and z at the centroid.
+    number : (m,) the level nearest to z at the centroid.    off : (m,) the difference between both.
     sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.
     blank : (m,) mask of triangles without values."""
 
@@ -154,23 +154,22 @@ class _BandOnCells:
         return cls(F, z - band.centre, half, number, distance, sign, shift, blank)
 
     def inside(self, slack: Floats) -> Bools:
-        """Mask (m,) of triangles whose centroid lies in the band, or outside by less than `slack` (m,)."""
+        """Return a mask (m,) of triangles whose centroid lies in the band, or outside it by less than `slack` (m,)."""
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:
-        """(p,) mask of pairs of half-edges (p, 2) whose cells have the same nearest level."""
+        """Return a mask (p,) of pairs of half-edges (p, 2) whose cells have the same nearest level."""
         h, g = pairs.T
         flat = self.F.ravel()
-        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # the same vertex, seen from the second cell
+        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # the same vertex in the second cell
         sign = self.sign.ravel()[h] * self.sign.ravel()[g]
         shift = self.shift.ravel()[h] - sign * self.shift.ravel()[g]
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < ZERO)
 
     def offsets(self, in_stripe: Bools) -> Floats:
-        """Return z - number (m, 3) on triangles in the mask, NaN elsewhere.
+        """Return z - number (m, 3) on the triangles in the mask, NaN elsewhere.
 
-        A zero becomes a tiny number of equal sign in all triangles at its vertex, so that every line crosses triangles.
-        """
+        A zero becomes a tiny number, with one sign in all triangles at its vertex: so every line crosses triangles."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < ZERO
         offset[zero] = 0.0
@@ -191,7 +190,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # because `slicing.snap` moves edges
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # `slicing.snap` moves edges
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)
@@ -216,7 +215,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
 
 
 def _value_ranges(z: Floats, source: Ints) -> Floats:
-    """Range (m,) of z (m, 3) over the undivided cell that each triangle is a part of."""
+    """Return for each triangle the range (m,) of z (m, 3) in the undivided cell that contains it."""
     top, bottom = np.full(int(source.max()) + 1, -np.inf), np.full(int(source.max()) + 1, np.inf)
     np.maximum.at(top, source, z.max(axis=1))
     np.minimum.at(bottom, source, z.min(axis=1))

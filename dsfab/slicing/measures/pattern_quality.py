@@ -1,4 +1,4 @@
-"""Quality of a pattern: evenness, dead ends, bays between crossings, and arms of members at a node."""
+"""Quality of a pattern: spacing, dead ends, bays between crossings, and the strips of material that leave a node."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -28,8 +28,8 @@ class Bays:
     """Middle lines of a family, in parts (b,). A bay lies between two crossings with members of the other family.
 
     piece  : (b,) the piece of `middles` that each part lies on.    at : (b, 3) barycentric coordinates of its middle.
-    length : (b,) metres of each part.    bay : (b,) the bay of each part, of `count`.
-    angle  : (c,) degrees between members at crossings, except in material other than stripes."""
+    length : (b,) length of each part, metres.    bay : (b,) number of the bay that it lies in.    count : of bays.
+    angle  : (c,) angle between members at crossings, degrees, except in material other than stripes."""
 
     middles: StripeMiddles
     piece: Ints
@@ -41,14 +41,14 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """Length (b,), metres, of each part; 0 inside members of the other family and material other than stripes."""
+        """(b,) length of each part, metres; 0 inside members of the other family or material other than stripes."""
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
 
     @cached_property
     def narrow(self) -> Bools:
-        """Mask (b,) of parts where the opening to the next member is narrower than the member."""
+        """(b,) mask of parts where the opening to the next member is narrower than the member."""
         chart = self.middles.drawn
         corner = chart.surface.F[self.middles.face[self.piece]]
         d = np.einsum("bc,bc->b", chart.d[corner, self.middles.k], self.at)
@@ -56,20 +56,20 @@ class Bays:
 
     @property
     def slits(self) -> int:
-        """Number of bays that are slits: on over half of the free length, the opening is narrower than the member."""
+        """Number of bays that are slits: the opening is narrower than the member on over half of the free length."""
         free = np.bincount(self.bay, self.free, self.count)
         slit = np.bincount(self.bay, self.free * self.narrow, self.count)
         return int((slit > free / 2).sum())
 
     @property
     def slit_share(self) -> float:
-        """Share of the free length on which the opening is narrower than the member."""
+        """Fraction of the free length on which the opening is narrower than the member."""
         total = float(self.free.sum())
         return float(self.free @ self.narrow) / total if total > 0 else 0.0
 
 
 def bays(middles: StripeMiddles) -> Bays:
-    """Divide the middle lines of a family where they cross middle lines of the other family, at whole phases."""
+    """Divide the middle lines of a family where the phase of the other family is a whole number: at crossings."""
     chart, face = middles.drawn, middles.face
     other_family = 1 - middles.k
     corner = chart.surface.F[face]
@@ -83,7 +83,7 @@ def bays(middles: StripeMiddles) -> Bays:
     inner = np.where(has_stripes, np.maximum(np.ceil(high).astype(np.int64) - first_whole, 0), 0)
     piece = np.repeat(np.arange(len(face)), inner + 1)
     start = np.cumsum(inner + 1) - inner - 1
-    number = np.arange(len(piece)) - start[piece]  # parts of a piece, in ascending order of z
+    number = np.arange(len(piece)) - start[piece]  # of the part in its piece, by ascending z
     z0 = np.where(number == 0, low[piece], first_whole[piece] + number - 1)
     z1 = np.where(number == inner[piece], high[piece], first_whole[piece] + number)
     span = (high - low)[piece]
@@ -103,7 +103,7 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Number of bays, and the bay of each part. Parts that meet at a node outside `barrier` (j,) share a bay."""
+    """Return the number of bays, and the bay of each part. Bays end at nodes in `barrier` (j,), not at others."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -123,11 +123,11 @@ def _angles(middles: StripeMiddles, face: Ints, coordinates: Floats) -> Floats:
     return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1))))
 
 
-OFF = 30.0  # Largest deviation of a member from the stress, degrees.
+OFF = 30.0  # Largest acceptable angle between a member and the stress, degrees.
 
 
 class DeadEnds(NamedTuple):
-    """Dead ends of members: places (e, 3) of loose ends, and places (t, 3) where members turn back, metres."""
+    """Dead ends of members, metres: places (e, 3) where they meet nothing, and places (t, 3) where they turn back."""
 
     loose: Floats
     turns: Floats
@@ -137,11 +137,11 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
     """Find the dead ends of a family.
 
     along      : (m, 3) unit direction of the stress on the faces; its sign has no meaning.
-    deviation  : (m,) degrees between members and this direction.
+    deviation  : (m,) angle between members and this direction, degrees.
     confidence : (m,) clarity of the direction, 0 to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > 0.25  # principal stresses differ by over 10 % of their RMS
+    clear = confidence[middles.face] > 0.25  # stresses differ by over 10 % of their RMS
     turns_back = _turning_nodes(middles, along[middles.face], clear)
     deviates = clear & (deviation[middles.face] > OFF)
     count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])
@@ -152,17 +152,17 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
 
 def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools:
-    """Mask (j,) of nodes at which a member turns back, where the stress has a clear direction."""
+    """Return a mask (j,) of nodes at which a member turns back although the stress has a clear direction."""
     pieces = np.flatnonzero(~middles.copy)
     step = middles.points[pieces, 1] - middles.points[pieces, 0]
-    ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # -1 against the stress
+    ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # -1: opposite to `along`
     node, piece = middles.node[pieces].T.ravel(), np.tile(pieces, 2)
     side = np.concatenate([ahead, -ahead])
     order = sorted_order(node)
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     end_a, end_b = order[pair], order[pair + 1]
     normals_a, normals_b = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (end_a, end_b))
-    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # turned into the first face's plane
+    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # in the first face's plane
     alike = np.where(np.einsum("px,px->p", along[piece[end_a]], straight) < 0, -1, 1)
     result = np.zeros(len(middles.edge), dtype=bool)
     result[node[end_a]] = (side[end_a] * side[end_b] * alike > 0) & clear[piece[end_a]] & clear[piece[end_b]]
@@ -172,21 +172,21 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
 class Arms(NamedTuple):
     """Strips of material that leave a ball around a place of a sheet.
 
-    direction : (a, 3) unit vectors towards the strips. Material all around the ball gives two arms with zero vectors.
-    normal    : (a, 3) mean unit normals of the strips.    width : (a,) metres across."""
+    direction : (a, 3) unit vectors towards the strips; two zero vectors if material surrounds the ball.
+    normal    : (a, 3) mean unit normals of the strips.    width : (a,) widths across the strips, metres."""
 
     direction: Floats
     normal: Floats
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """True if a member of a width in metres ends at this place. A single arm wider than 3 widths is a junction."""
+        """Return True if a member of this width, metres, ends here. A single arm wider than 3 widths is a junction."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
-        """True if a member of a width in metres ends or turns back at this place.
+        """Return True if a member of this width, metres, ends or turns back here.
 
-        Both arms are turned into one plane, so that a member across a sharp edge of the surface is straight."""
+        The function rotates both arms into one plane, so a member across a sharp edge of the surface is straight."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
         unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]
@@ -194,7 +194,7 @@ class Arms(NamedTuple):
 
 
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
-    """Return the arms of a sheet around the ball of `radius` metres at a place (3,); none without a vertex in the ball.
+    """Return the arms of a sheet around a ball of `radius` metres at a place (3,); none if the ball has no vertex.
 
     Faces that are large compared with the ball are divided first."""
     sheet = _faces_near(sheet, place, radius)
@@ -208,7 +208,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     core = inside & (label == label[distance.argmin()])
     faces = np.flatnonzero(core[sheet.F].any(axis=1) & ~core[sheet.F].all(axis=1))
     crossed = core[ends].sum(axis=1) == 1
-    rows, sides = np.nonzero(crossed[face_edges[faces]])  # two sides of each face
+    rows, sides = np.nonzero(crossed[face_edges[faces]])  # two per face
     edge = face_edges[faces][rows, sides]
     order = np.argsort(edge, kind="stable")
     shared = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -227,7 +227,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """Return faces that the ball may reach, divided to edges of at most half the radius; if none, all faces."""
+    """Return the faces near the ball, divided to edges of at most half the radius; all faces if none is near."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -253,8 +253,8 @@ Quantiles = tuple[float, float, float]
 class FamilyQuality:
     """Quality of one family of members.
 
-    spacing    : metres from middle to middle: P5, median and P95 over the area without other material than stripes.
-    opening    : metres of clear opening between neighbours: P5, median and P95 over the open area.
+    spacing    : metres from middle to middle: P5, median and P95 over the area where stripes are the only material.
+    opening    : clear distance between neighbours, metres: P5, median and P95 over the open area.
     deviation  : mean angle to the stress, degrees, weighted by area x stress along members x clarity of its direction.
     off        : sum of these weights where members deviate by over 30 degrees, divided by the sum of all weights.
     dead_ends  : see `dead_ends`.
@@ -273,7 +273,7 @@ class FamilyQuality:
 
     @property
     def evenness(self) -> float:
-        """P95 over P5 of the spacing: 1 for equal spacings."""
+        """P95 of the spacing divided by its P5: 1 for equal spacings."""
         if not self.drawn:
             return 1.0
         return self.spacing[2] / self.spacing[0] if self.spacing[0] > 0 else float("inf")
@@ -288,10 +288,10 @@ class FamilyQuality:
 class PatternQuality:
     """Quality of both families together.
 
-    crossing_angle : degrees, the smallest angle between two members that cross; 90 without crossings.
-    symmetry_error : share of the surface where material differs from its image under a symmetry of the design, the
-                     largest over all symmetries; None without symmetries.
-    turned         : degrees by which the user turned the stripes off the stress; deviations count from this angle.
+    crossing_angle : the smallest angle between two members that cross, degrees; 90 without crossings.
+    symmetry_error : fraction of the surface where material differs from its image under a symmetry of the design, the
+                     largest of all symmetries; None without symmetries.
+    turned         : rotation of the stripes from the stress, by the user, degrees; deviations are from this angle.
     titles         : names of both families in words."""
 
     major: FamilyQuality
@@ -303,22 +303,22 @@ class PatternQuality:
 
     @property
     def families(self) -> tuple[tuple[str, FamilyQuality], tuple[str, FamilyQuality]]:
-        """Both families, by name."""
+        """Both families, with their names."""
         return ("major", self.major), ("minor", self.minor)
 
     @property
     def evenness(self) -> float:
-        """The larger P95 over P5 of the spacing."""
+        """The larger ratio of P95 to P5 of the spacing."""
         return max(self.major.evenness, self.minor.evenness)
 
     @property
     def dead_ends(self) -> int:
-        """Dead ends of both families."""
+        """Number of dead ends of both families."""
         return self.major.dead + self.minor.dead
 
     @property
     def slits(self) -> int:
-        """Slits of both families."""
+        """Number of slits of both families."""
         return self.major.slits + self.minor.slits
 
     @property
@@ -328,7 +328,7 @@ class PatternQuality:
 
     @property
     def summary(self) -> str:
-        """Return one line that describes the quality in words."""
+        """Return a line of text about the quality."""
         crossing = f", crossing at {self.crossing_angle:.0f} or more" if self.major.drawn and self.minor.drawn else ""
         turned = f" turned by {self.turned:g}" if self.turned else ""
         crooked = f"members {self.deviation:.1f} degrees off the stress{turned}{crossing}"
@@ -348,7 +348,7 @@ def pattern_quality(
 
     stress     : (m, 2) principal stresses along the major and the minor members.
     direction  : (m, 2, 3) their unit directions.    confidence : (m,) clarity of these directions, 0 to 1.
-    guided     : (m,) faces where members follow a guide and may turn back; default none."""
+    guided     : (m,) faces where members follow a guide, and so may turn back; default none."""
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
     families = [_family(chart, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
     angles = np.concatenate([cut.angle for _, cut in families])

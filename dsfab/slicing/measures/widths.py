@@ -1,4 +1,4 @@
-"""Least widths of members, gaps and edges on a cut sheet, from straight lines across it."""
+"""Smallest widths of members, gaps and edges of a cut sheet, measured along straight lines across them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ from dsfab.surface import Surface, next_half_edge, pieces
 
 
 class FarEnds(NamedTuple):
-    """Far ends, on the boundary, of lines (k,) that measure widths.
+    """Ends, on the boundary, of lines (k,) that measure widths.
 
     edge   : half-edge on the boundary, -1 for lines without an end.    place : metres along this half-edge.
-    slope  : cosine between line and half-edge.    length : metres of the line."""
+    slope  : cosine between line and half-edge.    length : length of the line, metres."""
 
     edge: Ints
     place: Floats
@@ -28,7 +28,7 @@ class FarEnds(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Lines on their way over triangles: number, half-edge of entry, metres along this half-edge, direction, length."""
+    """Unfinished lines: number, half-edge of entry into a triangle, metres along it, direction (x, y), and length."""
 
     number: Ints
     edge: Ints
@@ -42,15 +42,15 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Trace lines (k,) from places (k,), metres, on half-edges (k,) and at right angles to these, to the boundary.
+    """Trace lines (k,) to the boundary, from `place` (k,) metres along half-edges (k,), at right angles to these.
 
     reach : metres; a longer line may stay without an end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
-    against = start_vertex != start_vertex[twin]  # the twin runs in the opposite direction
+    against = start_vertex != start_vertex[twin]  # the twin has the opposite direction
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # longer lines run along a member
+    for _ in range(2000):  # a line over more triangles follows a member
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -68,10 +68,10 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
 
 
 def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
-    """Return the lines where they leave their triangles, in the frame of the half-edge of exit; y points outwards."""
+    """Return the lines where they leave their triangles, in the frame of the half-edge there; y points outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
-    over_next, over_last = by * x - bx * y, cy * x - cx * y  # components towards the other two sides
+    over_next, over_last = by * x - bx * y, cy * x - cx * y  # towards the other two sides
     with np.errstate(divide="ignore", invalid="ignore"):
         to_next = np.where(over_next > 0, np.maximum(by * (length - s), 0) / over_next, np.inf)
         to_last = np.where(over_last > 0, np.maximum(-cy * s, 0) / over_last, np.inf)
@@ -85,7 +85,7 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
 
 
 def _frames(surface: Surface) -> Floats:
-    """(3 m, 7) for each half-edge, in its frame: length, apex of the face, unit directions of the next two edges."""
+    """Return for each half-edge (3 m, 7): length, third corner of the face, directions of the next two edges."""
     V, F = surface.V, surface.F
     along, apex = (V[np.roll(F, -k, axis=1)].reshape(-1, 3) - V[F].reshape(-1, 3) for k in (1, 2))
     size = np.linalg.norm(along, axis=1)
@@ -97,19 +97,19 @@ def _frames(surface: Surface) -> Floats:
 
 MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
-"""Starts of lines on a wall edge: the middle, and near both corners, where shortest lines between polylines start."""
+"""Starts of lines on a wall: its middle, and near both ends, where the shortest lines between polylines start."""
 OPPOSED = float(np.sin(np.radians(20)))
-"""Walls at angles over 20 degrees are not opposite: their distance goes to zero at a corner and is not a width."""
-TAPER = float(np.radians(1.5))  # Walls that converge by at least this angle may end in a tip.
+"""Walls at over 20 degrees are not opposite: they meet at a corner, so their distance is not a width."""
+TAPER = float(np.radians(1.5))  # Walls may end in a tip if the angle between them is at least this.
 
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Lines across a sheet to an opposite wall, except in tips, where the width of a member goes to zero.
+    """Lines across a sheet from a wall to the opposite wall; not in tips, where the width goes to 0.
 
-    width  : (k,) metres, the shortest distance from a line's start to the edge at which the line ends.
+    width  : (k,) shortest distance from a line's start to the edge at which the line ends, metres.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
-    weight : (k,) length of the starting edge, metres, for a line from the edge's middle; 0 for other lines.
+    weight : (k,) length of the edge at the start, metres, if the line starts at its middle; 0 for other lines.
     walls  : (k, 2) the edges of the surface at both ends of the line."""
 
     width: Floats
@@ -121,7 +121,7 @@ class Crossings:
 
 @dataclass(frozen=True, eq=False)
 class _EdgePoints:
-    """Points on half-edges (k,), at (1 - t) first + t last vertex."""
+    """Points on half-edges (k,): (1 - t) times the first vertex + t times the last vertex."""
 
     edge: Ints
     t: Floats
@@ -143,7 +143,7 @@ def crossings(
     surface : an edge-manifold sheet.
     walls   : (e,) the boundary edges that are walls; lines that end at other edges are left out.
     start   : (e,) walls at which lines start; default all.    shares : positions of starts on each wall, 0 to 1.
-    tips    : if True, lines in tips count.    reach : metres; longer lines may be left out."""
+    tips    : True to count lines in tips.    reach : metres; longer lines may be left out."""
     starting = walls if start is None else walls & start
     if not starting.any():
         none = np.empty((0, 2), dtype=np.int64)
@@ -164,11 +164,11 @@ def crossings(
 
 
 def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
-    """Return the point nearest to each line's start on the half-edge at the line's end; and the distance, metres.
+    """Return the nearest point to each line's start on the half-edge at the line's end; and the distance, metres.
 
           o start
-         /|           The foot of the perpendicular from the start, or the end of the half-edge if the foot is beyond.
-        / |
+         /|           The nearest point is the foot of the perpendicular from the start,
+        / |           or the end of the half-edge if the foot lies beyond it.
     ---x--+----x---
      met  foot"""
     size = np.linalg.norm(_edge_vectors(surface, ends.edge), axis=1)
@@ -179,12 +179,12 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 
 
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
-    """Mask (k,) of lines between walls that converge to a tip.
+    """Return a mask (k,) of lines between walls that converge to a tip.
 
     slope : (k,) cosine between a line and the half-edge at its end; negative if walls converge along this half-edge.
 
     Two walls at an angle a, joined by a line of length w, meet at a distance w / (2 tan(a / 2)) from the line. A line
-    is in a tip if both walls together, from the line to the tip, have 0.4 to 1.7 times twice this length."""
+    is in a tip if the walls from the line to the tip have 0.4 to 1.7 times the length of both these sides."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -197,12 +197,12 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
     ends = start.edge, next_half_edge(start.edge), finish.edge, next_half_edge(finish.edge)
     corner = np.stack([surface.F.ravel()[h] for h in ends])
-    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # at a common corner the width is 0
+    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # with a common corner
     return np.asarray(neighbours | ((angle >= TAPER) & (wall_length >= 0.4 * wedge) & (wall_length <= 1.7 * wedge)))
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """Loop of each boundary half-edge (3 m,), metres along the loop to its middle, True if it has the loop's direction.
+    """Return for boundary half-edges (3 m,) the loop, metres along it to the middle, and whether directions agree.
 
     Returns also the length of each loop. The faces need no common orientation."""
     edge = np.flatnonzero(surface.edges.boundary)
@@ -222,9 +222,9 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
     """Return the loop (e,) of edges with ends (e, 2), the edges in order along the loops, and the number of loops."""
-    slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; sorted by vertex
+    slot = sorted_order(ends.ravel())  # by vertex; 2 i + s is end s of edge i
     onward = np.empty_like(slot)
-    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the end by which a walk leaves the next edge
+    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the other end of the next edge
     after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
     label, chain, loops = [-1] * len(ends), list[int](), 0
     for start, state in enumerate(leaving):
@@ -242,12 +242,12 @@ def _edge_vectors(surface: Surface, h: Ints) -> Floats:
     return np.asarray(surface.V[F[next_half_edge(h)]] - surface.V[F[h]])
 
 
-ROUNDING = 1e-6  # Widened members may miss a limit by this fraction of the limit.
+ROUNDING = 1e-6  # Widths may be below a limit by this fraction of it.
 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest member, gap or edge: metres, place (3,), name in words, and the width of the uncut mesh there."""
+    """The smallest member, gap or edge: size in metres, place (3,), name in words, and the mesh's width there."""
 
     size: float
     place: Floats
@@ -260,12 +260,12 @@ class Feature:
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """Least sizes of a sheet's members and gaps, metres; None without members or gaps.
+    """Smallest sizes of a sheet's members and gaps, metres; None without members or gaps.
 
     member : the narrowest member, also between two openings that nearly meet.
     gap    : the narrowest opening.
     edge   : the shortest edge of a triangle.
-    widths : (k,) widths of members along their walls, and weight : (k,) the metres of wall that each represents."""
+    widths : (k,) widths of members along their walls.    weight : (k,) length of wall that has each width, metres."""
 
     member: Feature | None
     gap: Feature | None
@@ -274,14 +274,14 @@ class Features:
     weight: Floats
 
     def quantiles(self, shares: Sequence[float]) -> Floats:
-        """(q,) widths, metres, that members do not exceed on these shares of the wall length; empty without widths."""
+        """Return the widths (q,), metres, that members do not exceed on fractions `shares` of the wall length."""
         return weighted_quantiles(self.widths, self.weight, shares) if self.weight.sum() else np.empty(0)
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
-        """(b + 1,) limits of the bins from 0, metres, and (b,) the share of the wall length in each; both may be empty.
+        """Return limits (b + 1,) of bins of width, from 0, metres, and the fraction (b,) of wall length in each.
 
-        limit : a width, metres, at which a bin ends; 0 for none. The last bin holds all widths over P99 or 3 medians.
-                Otherwise broad plates at a crown or a foot would push all members into one bin."""
+        limit : a width, metres, at which a bin ends; 0 for none. The last bin holds all widths over P99 or 3 medians,
+                because broad plates at a crown or a foot would make the bins too wide. Both results may be empty."""
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
         usual, widest = self.quantiles([0.5, 0.99]).tolist()
@@ -291,14 +291,14 @@ class Features:
 
 
 def below_limit(sizes: float | Floats, limit: float) -> Bools:
-    """Mask of widths under a limit, metres, with a tolerance of `ROUNDING`."""
+    """Return a mask of sizes under a limit, metres, with a tolerance of `ROUNDING`."""
     return np.asarray(np.asarray(sizes) < limit * (1 - ROUNDING))
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Limits (b + 1,) of about `count` equal bins from 0 to `end`; a bin ends at `limit` if `limit` is below `end`.
+    """Return limits (b + 1,) of about `count` equal bins from 0 to `end`; one ends at `limit`, if this is smaller.
 
-    Instead of more than `largest_count` equal bins, the first bin ends at the limit and is narrower."""
+    If this needs over `largest_count` bins, only the first bin ends at the limit, and it is narrower."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))
@@ -312,10 +312,10 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
     cells : all cells, material and void.    built : (m',) cells of the structure.    names : of the fields, see `cut`.
 
-    Widths and gaps are the lengths of the lines in `crossings`, on the sheet itself. Lengths are exact between straight
-    walls, and right to 1 - cos a between walls that bend by an angle a from edge to edge. Gaps in tips count if `tips`
-    is set. Corners between walls at more than 20 degrees never count. Pieces and openings that are too small or too
-    round for such lines count with 4 area / perimeter: in a triangle or a square, the diameter of the inner circle."""
+    Widths and gaps are lengths of the lines in `crossings`, on the sheet itself. They are exact between straight
+    walls. If walls bend by an angle a from edge to edge, the error is up to 1 - cos a. Gaps in tips count if `tips` is
+    set. Corners between walls at more than 20 degrees never count. Some pieces and openings are too small or too round
+    for such lines. Their size is 4 area / perimeter: in a triangle or a square, the diameter of the inner circle."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
@@ -334,7 +334,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """Mask (m',) of the material cells that are in `sheet`, which has some of the connected pieces of the material."""
+    """Return a mask (m',) of the material cells that are also in `sheet`, which has some connected pieces of them."""
     material = cells.material
     if material.sum() == sheet.surface.m:
         return np.asarray(material)
@@ -350,7 +350,7 @@ def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
 
 
 def _mesh_width(cells: Sheet) -> Floats:
-    """(m',) side, metres, of an equilateral triangle with the area of the uncut face."""
+    """Return the side (m',) of an equilateral triangle with the area of the uncut face, metres."""
     area = np.bincount(cells.parent, cells.surface.areas)
     return np.asarray(np.sqrt(4 / np.sqrt(3) * area[cells.parent]))
 
