@@ -24,7 +24,7 @@ TIMING_COLUMNS = (
     *("stripes", "slicing", "thickening", "export", "total"),
 )
 """Columns of the table, in seconds: those of the paper's Table 2, then further stages of dsfab.
-`stripes` is the time for evenly spaced stripes: their directions, densities and phases."""
+`stripes` is the time for the directions, densities and phases of evenly spaced stripes."""
 
 SCALING = (10_000, 40_000, 100_000)  # Vertex counts of the meshes for `--scaling`.
 SCALING_STATICS = (*SCALING, 250_000, 500_000)  # Vertex counts for `--scaling` with `--stages statics`.
