@@ -387,10 +387,10 @@ def compare(
 ) -> int:
     """Compare a design with others of the same mass: a thinner full sheet, stripes that ignore the stress, and more.
 
-    Each design is solved on its own cut mesh under the same loads; the stiffest has the smallest compliance. Writes a
-    report for an engineer (report.html, report.pdf), results.csv and results.json, and with --volumes a chart of
-    compliance against mass. Several presets are compared in turn, also after an error, and summary.html has a line for
-    each. The exit code is 5 if a design does not carry its loads.
+    Each design is solved on its own cut mesh under the same loads. The stiffest design has the smallest compliance.
+    The results are report.html, report.pdf, results.csv and results.json, and with --volumes a chart of compliance.
+    Several presets are compared one after another, with a summary.html. The exit code is 5 if a design does not carry
+    its loads.
 
     Parameters
     ----------

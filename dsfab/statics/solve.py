@@ -200,12 +200,12 @@ def require_solved(surface: Surface, imbalance: float, residual: float) -> None:
     if not imbalance <= BALANCE:
         either = f"{'some triangles are too flat, or ' if needles else ''}the sheet is nearly a mechanism"
         raise StaticsError(
-            f"loads and reactions differ by {imbalance:.1e} of the load (the equations are solved to {residual:.1e}): "
+            f"loads and reactions differ by {imbalance:.1e} of the load (relative residual {residual:.1e}): "
             f"{either}; hold more directions, use a thicker sheet, or a finer mesh{needles}"
         )
     raise StaticsError(
-        f"the equations are solved to {residual:.1e} only (wanted: {RESIDUAL:g}): the sheet is too thin for its size "
-        f"or nearly a mechanism; use a thicker sheet, hold more directions, or remove very flat triangles{needles}"
+        f"the relative residual of the solution is {residual:.1e} (limit {RESIDUAL:g}): the sheet is too thin for its "
+        f"size or nearly a mechanism; use a thicker sheet, hold more directions, or remove very flat triangles{needles}"
     )
 
 

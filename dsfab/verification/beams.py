@@ -26,7 +26,7 @@ def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectang
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """Return offsets (k,) along the beam, of the upper ends of mesh lines at stations (k,) from 0 to 6.
+    """Return offsets (k,), along the beam, of the upper ends of mesh lines at stations (k,) from 0 to 6.
     Lines of trapezoids lean to alternate sides, lines of parallelograms to one side. Both end lines are upright."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":

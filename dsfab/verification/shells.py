@@ -115,9 +115,8 @@ TESTS = [
         "barrel vault on stiff end walls under its own weight: sag of the middle of its free edge",
         scordelis_lo,
         targets={8: 0.015, 16: 0.008},
-        # 0.3024 is MacNeal and Harder's choice between 0.3086 (shallow shell, Scordelis and Lo 1964) and results of
-        # elements in 1985. The limit is that of deep Kirchhoff-Love shells: quintic NURBS of 64 knot spans by Kiendl,
-        # Bletzinger, Linhard and Wuechner 2009 (CMAME 198, 3902-3914), listed in FinEtoolsFlexStructures.jl.
+        # 0.3024 lies between 0.3086 (shallow shell, Scordelis and Lo 1964) and results of elements in 1985.
+        # deep Kirchhoff-Love shells [Kiendl, Bletzinger, Linhard and Wuechner 2009, CMAME 198, 3902-3914]
         limit=0.300592,
     ),
     fine_shell(
