@@ -59,7 +59,7 @@ class VertexPairs:
     """Pairs of vertices that are coupled in a stiffness matrix, and the positions of their blocks in the matrix.
     ends     : (p, 2) vertices of each pair, ascending: ends of edges, and opposite vertices of hinges, if any.
     of_edge  : (e,) number of each edge's pair.
-    opposite : (i,) number of each hinge's opposite pair, p if both vertices are equal; () without hinges."""
+    opposite : (i,) number of the pair of each hinge's opposite vertices, p for equal vertices; () without hinges."""
 
     n: int
     ends: Ints

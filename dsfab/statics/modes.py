@@ -114,7 +114,7 @@ def frequencies(
 ) -> Vibration:
     """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass, no rotary inertia.
 
-    sheet     : a sheet of mass density x thickness per area.
+    sheet     : sheet with the mass density x thickness per area.
     fixed     : (n, 3) fixed directions.    spring : (n, 3) stiffness of elastic supports, N/m.
     K         : stiffness of the sheet without springs, if the caller has computed it.
     factor_of : function that factorises K, for instance the cache of an `equilibrium`.
@@ -145,7 +145,7 @@ def buckling(
     Real thin shells buckle well below the factor, axially loaded cylinders at 0.2 to 0.5 of it [Koiter 1945; NASA
     SP-8007].
 
-    answer   : equilibrium under `load`, by any elements. Its membrane stress loads the sheet.
+    answer   : equilibrium under `load`, by any elements; its membrane stress loads the sheet.
     elements : elements of the modes. `midedge` has false local modes at needles (very thin triangles).
     K, factor_of : see `frequencies`.
     Raises StaticsError for mechanisms, and if the modes do not converge."""
@@ -225,7 +225,7 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
     resultant : (m, 3, 3) membrane force per length N, N/m, tangent to each face.
 
     The stress acts only on slopes that the elements resist; otherwise a needle (very thin triangle) buckles alone.
-    These slopes are mean gradients and, for `hhj`, those of constant curvature [Morley 1968]."""
+    These slopes are mean gradients and, for `hhj`, slopes of a constant curvature [Morley 1968]."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))

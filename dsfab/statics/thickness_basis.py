@@ -140,7 +140,7 @@ class ThicknessBasis:
     ) -> Self:
         """Return the basis for the thicknesses (m) from span[0] to span[1], from a factorisation at each of `SAMPLES`.
         buckling : names of the loads whose buckling factors are wanted.
-        Raises StaticsError as `solve_statics`. Sheets with needles (very thin triangles) may need other elements."""
+        Raises StaticsError as `solve_statics`. Needles (very thin triangles) may need other elements."""
         try:
             return cls._by_elements(sheet, loads, span, buckling, elements_of("displacement"))
         except StaticsError:
