@@ -389,8 +389,7 @@ def compare(
 
     Each design is solved on its own cut mesh under the same loads. The stiffest design has the smallest compliance.
     The results are report.html, report.pdf, results.csv and results.json, and with --volumes a chart of compliance.
-    Several presets are compared one after another, with a summary.html. The exit code is 5 if a design does not carry
-    its loads.
+    Several presets also give a summary.html. The exit code is 5 if a design does not carry its loads.
 
     Parameters
     ----------

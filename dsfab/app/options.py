@@ -132,8 +132,7 @@ class Source(MeshFlags):
         """Return the preset of a name or file with the changes; for a mesh file the proposed preset.
 
         proposal  : proposal for the mesh, if the caller has it.
-        thickness : replacement of the thickness `auto`: "sized" by sizing, "guessed" by a quick guess, "open" by
-                    nothing.
+        thickness : replacement of the thickness `auto`: "sized" by sizing, "guessed" by a guess, "open" by nothing.
         Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 

@@ -67,8 +67,7 @@ class MiddleLine:
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
     """Return the middle lines of the stripes of field k, by stripe, the longest first.
-    offset  : (m, 3) offset from the middle at the corners of cells; its sign changes on a middle line, and it is never
-              0.
+    offset  : (m, 3) offset from the middle at the corners of cells, never 0. Its sign changes on a middle line.
     normals : (n, 3) unit normals at the vertices of the overlay."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
     sign = np.sign(offset)

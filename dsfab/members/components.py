@@ -58,8 +58,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     """Return the shape and the band of kept material, from values x (n,) or (n, 2) at the vertices of the sheet.
-    "reach": all points near a place. "plate": a region. "band": a strip along the outline of a region, with x (n,
-    2)."""
+    "reach": all points near a place. "plate": a region. "band": a strip along an outline, with x (n, 2)."""
     zero = np.zeros(1)
     if x.ndim == 2:  # column 0 is positive in the region; the least value of column 1 is minus the width
         width = -float(x[:, 1].min())
@@ -128,8 +127,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of the stripes of a field. A stripe that lacks its middle has a line at its mean
-    offset."""
+    """Return the middle lines of the stripes of a field. Stripes without a middle have lines at mean offsets."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]

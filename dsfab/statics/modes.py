@@ -142,8 +142,7 @@ def buckling(
 ) -> Buckling:
     """Return the lowest positive load factors of linear buckling: K x = factor (-K_g) x.
     Loads keep their direction: a pressure does not rotate with the sheet. Displacements before buckling are neglected.
-    Real thin shells buckle well below the factor, axially loaded cylinders at 0.2 to 0.5 of it [Koiter 1945; NASA
-    SP-8007].
+    Real thin shells buckle well below it, axially loaded cylinders at 0.2 to 0.5 of it [Koiter 1945; NASA SP-8007].
 
     answer   : equilibrium under `load`, by any elements; its membrane stress loads the sheet.
     elements : elements of the modes. `midedge` has false local modes at needles (very thin triangles).

@@ -199,8 +199,7 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """Return the forces (e, 3), N, that replace the twisting moment on free edges. Each force is divided by
-    `PLANES`."""
+    """Return the forces (e, 3), N, that replace the twisting moment on free edges, divided by `PLANES`."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))

@@ -61,8 +61,7 @@ class Frame:
     combinations : factors of the cases, by name of the combination.
     actions   : permanent, snow, wind or variable, by case; {} if unknown.
     eccentricity : (b,) metres from the beam to the material's middle, to the left along local y.
-    stout     : (b,) width of the member divided by the length of the bay; 1 at nodes of grazing members; 0 for
-                links."""
+    stout     : (b,) width of the member divided by the length of the bay; 1 if members graze; 0 for links."""
 
     points: Floats
     nodes: tuple[str, ...]
