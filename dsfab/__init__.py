@@ -32,8 +32,8 @@ try:
 except PackageNotFoundError:  # the files were copied without an installation
     __version__ = "0+unknown"
 
-# Idle threads of OpenBLAS sleep after 2^20 cycles (a third of a millisecond). After the default of 2^26 cycles, each
-# product of long vectors keeps a core busy for 20 ms. OpenBLAS reads this variable when numpy is first imported.
+# Threads of OpenBLAS sleep after 2^20 cycles, because the default of 2^26 cycles keeps cores busy for 20 ms.
+# OpenBLAS reads this variable when numpy is first imported.
 os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "20")
 
 _HOME = {

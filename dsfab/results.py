@@ -21,10 +21,10 @@ from dsfab.surface.fields import CornerField, DividedField
 @dataclass(frozen=True, eq=False)
 class CaseResult:
     """Load, equilibrium and stress of a load case or a combination.
-    sigma   : (m, 3, 3) Pa, stress of the middle surface, or of the lower side of a flat sheet that only bends.
-    answers : further results of the sheet, if necessary by other elements than those of `equilibrium`.
-    factors : factor of each case in a combination; None for a case.
-    layered : (m, 3, 3) Pa, stress of all layers (`layer_stress`), if the pattern follows it; else None."""
+    sigma   : (m, 3, 3) stress of the middle surface, Pa; of the lower side for a flat sheet that only bends.
+    answers : further results of the sheet, if necessary by other elements.
+    factors : factors of the cases in a combination; None for a case.
+    layered : (m, 3, 3) stress of all layers (`layer_stress`), Pa, if the pattern follows it; else None."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -41,13 +41,10 @@ class CaseResult:
 
 @dataclass(frozen=True, eq=False)
 class StaticsResult:
-    """Stage 2, on the uncut surface: load, equilibrium, stress (m, 3, 3), Pa, and answers, as in a `CaseResult`.
+    """Stage 2, on the uncut surface: load, equilibrium, stress (m, 3, 3), Pa, and answers, for all cases together.
 
-    These fields hold the results of all cases together, for pictures and for a design with one case. The next stage
-    selects the stress that the pattern follows from `cases`, so that another selection needs no new solution.
-
-    cases      : the load cases by name, then the combinations.
-    objections : sentences on reasons against building, the gravest first (see `dsfab.design.buildability`)."""
+    cases      : load cases by name, then the combinations. The next stage selects the stress of a case.
+    objections : reasons against building, in sentences, the gravest first (`dsfab.design.buildability`)."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -74,9 +71,9 @@ class DiffusionResult:
 class StripeSteering:
     """Changes of the stripes' directions by guides or symmetry.
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
-    guided : (m,) weight of guides; at 1 they count as much as a clear direction of stress.
-    over   : (m,) True where the families are exchanged: major stripes run along the second principal stress.
-    told   : a sentence for the user on these directions, or ''."""
+    guided : (m,) weight of guides; a weight of 1 equals a clear direction of stress.
+    over   : (m,) True if major stripes follow the second principal stress.
+    told   : sentence for the user on these directions, or ''."""
 
     along: Floats
     guided: Floats
@@ -88,13 +85,13 @@ class StripeSteering:
 class EvenStripes:
     """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
 
-    phases  : phases of each family's finest lines; halving removes some of these lines.
-    wanted  : for each family, and each level of halving from the finest, (m,) share of a face that has such lines.
+    phases  : phases of each family's finest lines, before halving removes lines.
+    wanted  : (m,) share of a face that has lines, for each family and each level of halving from the finest.
     slope   : (n, 2) finest lines per metre.    density : (n, 2) lines per metre after halving.
-    first   : number of the family whose finer lines are added first, 0 or 1.
-    chart   : the surface divided where lines end, with both phases: for pictures and measures.
-    symmetry : reflections and rotations that leave the stripes unchanged; None without any.
-    steered  : changes of the stripes' directions by guides or symmetry; None without changes.
+    first   : number of the family, 0 or 1, whose finer lines are added first.
+    chart   : surface divided at ends of lines, with both phases, for pictures and measures.
+    symmetry : reflections and rotations that leave the stripes unchanged, or None.
+    steered  : changes of the stripes' directions by guides or symmetry, or None.
     forces   : (m, 2) principal stresses that the stripes follow, Pa; None for those of the uncut sheet."""
 
     phases: tuple[CornerPhase, CornerPhase]
@@ -114,9 +111,8 @@ class Candidate(NamedTuple):
     compliance : joules on its own cut mesh; infinite for a refused trial.
     over_uncut : compliance divided by that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
-    whole      : share of the material in the largest piece with a support.
-    pieces     : number of pieces of material.
-    refused    : reason to refuse the trial, or ''."""
+    whole      : share of the material in the largest supported piece.
+    pieces     : number of pieces of material.    refused : reason to refuse the trial, or ''."""
 
     mode: tuple[int, int]
     phase: tuple[float, float]
@@ -166,7 +162,7 @@ class Attempt(NamedTuple):
     compliance : joules on its own cut mesh; infinite for a refused trial.
     over_uncut : compliance divided by that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
-    dead_ends, slits : numbers of members that end freely, and of narrow openings; see `PatternQuality`.
+    dead_ends  : number of members with a free end.    slits : number of narrow openings.
     refused    : reason to refuse the trial, or ''.
     plate      : number of filled openings that form a plate; 0 without pattern.crowding = "avoid"."""
 
@@ -182,7 +178,7 @@ class Attempt(NamedTuple):
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, float]:
         """Sort key, the best attempt first: not refused, no dead ends, no plate, no slits, then the stiffest.
-        Compliance is multiplied by the share of material and rounded, so that mirror images have equal ranks."""
+        The last number is compliance times share of material, rounded so that mirror images are equal."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.plate > 0, self.slits > 0, soft
 
@@ -191,21 +187,20 @@ class Attempt(NamedTuple):
 class PatternResult:
     """Stage 4: named fields, linear on faces, and the values at which each field is cut (`dsfab.slicing.cutting.cut`).
 
-    fields      : values at the vertices, (n,), or (n, 2) for stripes of varying width. A point has material if an odd
-                  number of levels lies below its value. Evenly spaced stripes have fields at corners of faces. A
-                  family may have several fields: its coarse lines first, then the lines between these. Kept regions
-                  have fields on divided faces, two for `keep`: one for patches, one for points and curves.
-    half_widths : (n,) d for each field. A family has material where |z - k| < d for an integer k. On modes, z is
+    fields      : values at vertices, (n,), or (n, 2) for stripes of varying width; at corners of faces for evenly
+                  spaced stripes; on divided faces for kept regions. A point has material if an odd number of
+                  levels lies below its value. A family may have several fields, coarse lines first.
+    half_widths : (n,) d for each field: a family has material where |z - k| < d for an integer k. On modes, z is
                   frequency x + phase; on even stripes, the phase of the used lines. d of other fields is infinite.
     factor      : factor on the widths, which gives pattern.width.solid_fraction; 1 without this key.
-    frequency   : of the major and of the minor stripes; it results from `spacing` if the preset has that key.
-    mode, phase : of both families; for `auto` the result.
-    choice      : trials for `auto`; None without trials.
+    frequency   : frequencies of the major and of the minor stripes, from `spacing` if the preset has it.
+    mode, phase : modes and phases of both families; for `auto` the results.
+    choice      : trials for `auto`, or None.
     even        : lines of evenly spaced stripes; None for stripes on modes.
-    asked       : the preset's section [pattern] with results in place of `auto`; None without `auto`.
-    tidy        : stripes that the cut removes, because they lead nowhere; None if there are none.
+    asked       : section [pattern] of the preset with results in place of `auto`; None without `auto`.
+    tidy        : stripes that lead nowhere and are removed, or None.
     attempts    : trials for the method `auto`, best first; empty for another method.
-    trial       : the last cut of the search for widths, which slicing uses again; not pickled."""
+    trial       : last cut of the search for widths, for use by slicing; not pickled."""
 
     names: tuple[str, ...]
     fields: tuple[Floats | CornerField | DividedField, ...]
@@ -270,7 +265,7 @@ class FilledOpenings(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SlicingResult:
-    """Stage 5: all cells, the remaining sheet, its pieces (largest first), and how many point contacts were mended.
+    """Stage 5: all cells, the remaining sheet, its pieces (largest first), and the number of mended point contacts.
     plate : filled openings that form a plate with a ragged edge, or None."""
 
     cells: Sheet
@@ -297,7 +292,7 @@ ROWS = {
 }
 """Rows of the timing table of each stage."""
 PARTS = {"statics": ("factor",)}  # Rows whose seconds are part of another row, by stage.
-Progress = Callable[[str, str], None]  # Receives the name of a stage and a message about the step that begins.
+Progress = Callable[[str, str], None]  # Receives the name of a stage and a message about its step.
 
 
 def silent(_stage: str, _doing: str) -> None: ...

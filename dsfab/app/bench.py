@@ -24,7 +24,7 @@ TIMING_COLUMNS = (
     *("stripes", "slicing", "thickening", "export", "total"),
 )
 """Columns of the table, in seconds: those of the paper's Table 2, then further stages of dsfab.
-`stripes` is the time for evenly spaced stripes: their directions, densities and phases."""
+`stripes` is the time for the directions, densities and phases of evenly spaced stripes."""
 
 SCALING = (10_000, 40_000, 100_000)  # Vertex counts of the meshes for `--scaling`.
 SCALING_STATICS = (*SCALING, 250_000, 500_000)  # Vertex counts for `--scaling` with `--stages statics`.
@@ -117,7 +117,7 @@ def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -
     edge = getattr(surface, "edge", None)
     if not edge:
         raise DsfabError(
-            f"preset {name} has no surface.edge, which --scaling changes; choose a preset with a shape, or add "
+            f"preset {name} has no surface.edge for --scaling; choose a preset with a shape, or add "
             "--set surface.edge=0.3"
         )
     current_count = surface.build().n  # the number of vertices grows with 1 / edge^2

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 SIZES = (10_000, 60_000, 300_000, 1_000_000)  # Triangle counts of the tested meshes.
 PIXELS = (1024, 768)
-SECONDS = 4.0  # Least seconds of a measurement, which draws each kind of picture at least five times.
+SECONDS = 4.0  # Least seconds of a measurement.
 KINDS = ("plain", "shader", "graded", "walls")  # Kinds of pictures, see `measure`.
 
 SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generic|basic render", re.IGNORECASE)
@@ -48,10 +48,11 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
 
 def measure(triangles: int) -> dict[str, Any]:
     """Measure frames per second in this process, for each kind of picture.
-    plain, shader : the mesh alone, and the mesh with stripes whose settings change before each frame.
-    graded, walls : stripes of varying width, and stripes with the walls of the sheet.
-    over_clock, over_cpu : real time and processor time of a frame with stripes, each divided by that of a plain frame.
-    change_ms, peak_mb   : milliseconds to change the settings of the stripes, and peak memory in MiB."""
+    plain  : the mesh alone.
+    shader : the mesh with stripes whose settings change before each frame.
+    graded : stripes of varying width.    walls : stripes with the walls of the sheet.
+    over_clock, over_cpu : real time and processor time of a frame with stripes, divided by those of a plain frame.
+    change_ms : milliseconds to change the settings.    peak_mb : peak memory in MiB."""
     from dsfab.render.opengl import require_rendering
     from dsfab.render.scene import Body, Scene
     from dsfab.render.shader import StripeShader

@@ -85,14 +85,14 @@ def build(
 ) -> int:
     """Build a preset: verdict, picture, solid, sheet and numbers, in one folder.
 
-    For a mesh file, dsfab proposes a preset as `dsfab new` does, and prints each decision. The exit code is 5 if the
-    structure does not carry its loads, even if a file was refused; the files are written all the same.
+    For a mesh file, dsfab proposes a preset and prints each decision, like `dsfab new`. The exit code is 5 if the
+    structure does not carry its loads; the files are written all the same.
 
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, a folder that `dsfab build` wrote, or a mesh file.
-    """
+        Name of a shipped preset (see `dsfab presets`), a TOML file, a folder that `dsfab build` wrote, or a mesh
+        file."""
     if not step.estimate:
         pictures.check_ahead()
     from dsfab.export import FORMATS, require_writable

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dsfab.report.design.save import Announcements, SavedDesign
     from dsfab.study.carrying import Carrying
 
-LINES = 25  # Number of lines that a build prints by default. They fit on a small terminal, with the command above them.
+LINES = 25  # Number of lines that a build prints by default, for a small terminal.
 
 USER_STAGES = ("surface", "statics")
 """Stages whose notes a user should know: how dsfab understood the surface and the loads. Notes of later stages tell

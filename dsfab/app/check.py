@@ -79,9 +79,9 @@ def check(
     json_: Annotated[bool, Switch(name="--json", help="Print JSON instead of text.")] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Read an exported solid again, with readers that did not write it: is it sound, and is it the design?
+    """Read an exported solid again with other readers: is it sound, and is it the design?
 
-    The exit code is 1 when something fails.
+    The exit code is 1 if a check fails.
 
     Parameters
     ----------

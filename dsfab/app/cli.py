@@ -30,7 +30,7 @@ app = App(
     version=__version__,
     suppress_keyboard_interrupt=False,
 )
-# a command is registered as a text, so that Python imports only the module in use
+# commands are texts, so that Python imports only the module in use
 app.command(
     "dsfab.app.build:build", name="build", help="Build a preset: solid, sheet, picture and numbers, in one folder."
 )

@@ -236,7 +236,7 @@ def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> 
         if not shares:
             raise
         reporter.print_line(f"compare     the design is left out at its own share of the surface: {error}")
-    # one mesh suffices for a cut sheet, but on a coarse mesh an uncut sheet would be a quarter too soft
+    # a coarse mesh would make an uncut sheet a quarter too soft
     judge = checks.judge(questions.level or "whole")
     for share in shares:
 
@@ -288,8 +288,8 @@ FILES = ("summary.html", "summary.csv")
 
 SummaryRow = dict[str, Any]
 """Row of the summary: `name`, `folder`, `error`, and without an error the results of the design, None if unknown:
-`verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`, and for each
-competitor `NAME_ratio`: the competitor's compliance, divided by the design's."""
+`verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`.
+`NAME_ratio` is the compliance of a competitor, divided by the design's."""
 
 
 @dataclass(frozen=True)
@@ -387,10 +387,9 @@ def compare(
 ) -> int:
     """Compare a design with others of the same mass: a thinner full sheet, stripes that ignore the stress, and more.
 
-    Each design is solved on its own cut mesh under the same loads; the stiffest has the smallest compliance. Writes a
-    report for an engineer (report.html, report.pdf), results.csv and results.json, and with --volumes a chart of
-    compliance against mass. Several presets are compared in turn, also after an error, and summary.html has a line for
-    each. The exit code is 5 if a design does not carry its loads.
+    Each design is solved on its own cut mesh under the same loads. The stiffest design has the smallest compliance.
+    The results are report.html, report.pdf, results.csv and results.json, and with --volumes a chart of compliance.
+    Several presets also give a summary.html. The exit code is 5 if a design does not carry its loads.
 
     Parameters
     ----------

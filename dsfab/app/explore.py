@@ -143,9 +143,7 @@ def explore(
     yes: Annotated[bool, Switch(help="Draw more than 200 variants.")] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Draw variants of a preset side by side: a contact sheet, and a page with the command that builds each.
-
-    With --animate also a film that runs through the variants forward and backward.
+    """Draw variants of a preset side by side, with the command that builds each; with --animate also as a film.
 
     Parameters
     ----------

@@ -82,11 +82,12 @@ def export(
     quiet: Quiet = False,
 ) -> int:
     """Write one file: the solid, a sheet, lines, a drawing, fields, or a finite element model to check the statics.
+
     Parameters
     ----------
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote. Its design
-        is reused, unless --set or an edit of its preset.toml changes the design."""
+        is used again if its preset.toml and --set do not change it."""
     loaded_preset, folder = preset_and_folder(preset, source.with_overrides(*step.overrides()))
     reporter, built = Reporter(quiet), built_design(preset, loaded_preset)
     if step.estimate:

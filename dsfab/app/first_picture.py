@@ -1,6 +1,6 @@
-"""A second process for pictures: it draws a sketch during the computation of widths, then the finished structure.
+"""A process that draws a sketch during the computation of widths, then the finished structure.
 
-The process loads the drawing libraries during the computation; this module imports no drawing library."""
+This module imports no drawing library, so that the process loads these libraries during the computation."""
 
 import pickle
 import subprocess
@@ -66,9 +66,8 @@ class FirstPicture:
             raise
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
-        """Start to draw the sketch, unless `path` is a file that cannot be read; later calls do nothing.
-        sketch  : see `Design.sketch`.
-        options : options of `dsfab.render.previewer.Previewer`."""
+        """Start to draw the sketch, unless `path` is an unreadable file; later calls do nothing.
+        sketch  : see `Design.sketch`.    options : options of `dsfab.render.previewer.Previewer`."""
         if self._sketched:
             return
         self._path = path

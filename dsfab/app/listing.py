@@ -66,8 +66,8 @@ def inspect(
 
     The command also lists what dsfab reads, repairs and drops. The exit code is 1 if `dsfab build` refuses the mesh.
 
-    For a preset or a built folder: supports and loads, also of a design that cannot be built; evenness and dead ends
-    of its pattern; and members, gaps and walls, against the limits of [fabrication].
+    For a preset or a built folder it lists supports and loads, dead ends of the pattern, and members, gaps and walls
+    against the limits of [fabrication].
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def _built_facts(folder: Path) -> dict[str, Any]:
 
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
     """Make a design, print its supports and loads, and return its measures; draw them if `picture` is a path.
-    Supports and loads come first, so that the user sees them even if a later stage fails."""
+    The user sees supports and loads even if a later stage fails."""
     from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication

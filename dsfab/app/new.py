@@ -38,9 +38,8 @@ def new(
 ) -> int:
     """Write a preset for a surface of your own, with sensible values and a line for each decision.
 
-    dsfab judges the unit, the vertical axis and the supports of the mesh by the statics that they give. Loads follow
-    from the kind of surface; thickness, pattern and widths from its size. Doubts come first, each as a question with
-    the option that settles it. `dsfab build` takes the preset, and the mesh itself as well.
+    dsfab proposes unit, vertical axis, supports and loads of the mesh, then thickness, pattern and widths. Doubts come
+    first, each as a question with the option that answers it. `dsfab build` takes the preset or the mesh.
 
     Parameters
     ----------

@@ -132,7 +132,7 @@ class Source(MeshFlags):
         """Return the preset of a name or file with the changes; for a mesh file the proposed preset.
 
         proposal  : proposal for the mesh, if the caller has it.
-        thickness : value in place of the thickness `auto`: "sized" by sizing, "guessed" by a quick guess, "open": none.
+        thickness : replacement of the thickness `auto`: "sized" by sizing, "guessed" by a guess, "open" by nothing.
         Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 
@@ -157,7 +157,7 @@ class Source(MeshFlags):
         from dsfab.surface import MESH_SUFFIXES
 
         suffix = Path(name).suffix.lower()
-        # a file with an unknown suffix counts as a mesh, because the mesh reader's error lists the formats
+        # an unknown suffix counts as a mesh, because the mesh reader's error lists the formats
         is_mesh_file = suffix in MESH_SUFFIXES or (Path(name).is_file() and suffix not in ("", ".toml"))
         mesh_file = name if is_mesh_file else self.mesh if name == OWN else None
         if mesh_file is None:

@@ -137,7 +137,7 @@ def preview(
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
     single = "," not in picture.show and picture.show.strip() not in (*SHOW_WORDS, *FINISHED_PICTURES)
     sketched = single and reporter.is_watched
-    # the drawing process saves time only for the structure, and before this process has loaded VTK
+    # the drawing process saves time only before this process loads VTK
     needs_structure = picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
     if not (sketched or needs_structure) or (os.cpu_count() or 1) == 1:
         from dsfab.render.opengl import probe_ahead
@@ -240,7 +240,7 @@ def _draw_structure(
     first_picture: FirstPicture | None,
 ) -> bool:
     """Draw the built sheet of evenly spaced stripes; return False if that is impossible.
-    A drawing of the uncut pattern would show loose ends, holes at singular points of the stress, and sharp corners."""
+    The uncut pattern would have loose ends, holes and sharp corners that the built sheet lacks."""
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png
@@ -304,7 +304,7 @@ def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
     try:
         while True:
             current_stamp = _file_stamp(file)
-            # the stamp is None for a moment while a text editor replaces the file
+            # the stamp is None while a text editor replaces the file
             if current_stamp is not None and current_stamp != seen_stamp:
                 seen_stamp = current_stamp
                 try:

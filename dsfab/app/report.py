@@ -24,8 +24,7 @@ def report(
 ) -> int:
     """Report the utilisation of each member by Eurocode 3 or 5: the worst members on the structure, diagrams, clauses.
 
-    The material of the preset decides the code; `[eurocode]` has its factors. For materials without a code, the report
-    compares stress with strength.
+    The material of the preset decides the code. Without a code, the report compares stress with strength.
 
     Parameters
     ----------

@@ -19,9 +19,9 @@ def size(
 ) -> int:
     """Choose the thinnest sheet of the stock with which the cut structure meets the targets of [sizing].
 
-    The cut sheet is solved at two thicknesses; the results at all other thicknesses follow from these. Members are
-    checked only where the choice depends on it. The result is cut and solved once more with its own thickness. If no
-    thickness suffices, the pattern gets more material, then closer members. Exit code 5 means that nothing suffices.
+    The cut sheet is solved at two thicknesses, which give the results at all others. The chosen thickness is then cut
+    and solved again. If no thickness suffices, the pattern gets more material, then closer members. The exit code is 5
+    if nothing suffices.
 
     Parameters
     ----------

@@ -120,13 +120,13 @@ def sweep(
 ) -> int:
     """Make many designs of a preset: numbers, pictures and a page to choose from, in one folder.
 
-    You may stop a sweep at any time. The same command, or `dsfab sweep FOLDER`, continues it, even after a power cut.
-    The exit code is 3 if runs are missing, and the last line has their number.
+    You may stop a sweep at any time; the same command, or `dsfab sweep FOLDER`, continues it. The exit code is 3 if
+    runs are missing.
 
     Parameters
     ----------
     what
-        A sweep file, a preset (with --vary), or the folder of a sweep to go on with."""
+        A sweep file, a preset (with --vary), or the folder of a sweep to continue."""
     from dsfab.app.sweep_options import listed_words, with_options
 
     if choice.best is not None or choice.build is not None:

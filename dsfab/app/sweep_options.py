@@ -12,7 +12,7 @@ Tables = dict[str, Any]
 
 
 def vary_tables(texts: Sequence[str]) -> tuple[Tables, list[Tables]]:
-    """Return the tables [vary] and [[linked]] for the texts of --vary. Raises DsfabError for a text in another form.
+    """Return the tables [vary] and [[linked]] for the texts of --vary. Raises DsfabError for another form of text.
 
     KEY=LOW:HIGH:COUNT    COUNT evenly spaced values     KEY=LOW:HIGH:COUNT:log   values with equal ratios
     KEY=LOW:HIGH          a range for --sample; with :log at the end, a logarithmic range

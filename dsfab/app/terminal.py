@@ -27,8 +27,8 @@ class ExitCode(IntEnum):
 
 
 class Reporter:
-    """Prints stages and their seconds on standard error, unless `quiet`; the end of a `with` block ends the last stage.
-    steps : False to show a stage only while it runs, on a terminal."""
+    """Prints stages and their seconds on standard error, unless `quiet`. The end of a `with` block ends the last stage.
+    steps : False to show a stage only while it runs."""
 
     def __init__(self, quiet: bool = False, steps: bool = True) -> None:
         self.quiet, self.steps = quiet, steps

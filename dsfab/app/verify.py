@@ -25,8 +25,8 @@ CALIBRATION_HEAD = (
 
 
 def calibrate(folder: Path, as_json: bool) -> int:
-    """Test the error bounds on random designs; print the result, and write calibration.json and calibration.csv.
-    Return 1 if less than 95 % of the designs lie within their bound, else 0."""
+    """Test the error bounds on random designs. Print the result, and write calibration.json and calibration.csv.
+    Return 1 if less than 95 % of the designs lie within their bounds, else 0."""
     from dsfab.study.verdict.calibration import calibrate as measured
     from dsfab.study.verdict.calibration import summary, table_text
 
@@ -104,8 +104,7 @@ def verify(
 ) -> int:
     """Solve plates, beams, shells and vessels with published answers, and print the error of each pair of elements.
 
-    The exit code is 1 if a pair for reports misses the tolerance of a test on its finest mesh (README, "Can I trust
-    it?").
+    The exit code is 1 if a reported pair misses the tolerance of a test on its finest mesh.
 
     Parameters
     ----------

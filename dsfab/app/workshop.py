@@ -52,8 +52,8 @@ def workshop(
 ) -> int:
     """Cut a design from sheets: flat parts with holes and names, nested on the stock, as DXF, SVG and a cut list.
 
-    Notes on possible problems come first. Stock, thickness, bolts and gap are those of [workshop]. With --model the
-    parts make a card model for a laser cutter, with a base plate for its feet.
+    Notes on possible problems come first. [workshop] has stock, thickness, bolts and gap. With --model the parts make a
+    card model with a base plate.
 
     Parameters
     ----------

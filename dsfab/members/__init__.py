@@ -1,9 +1,10 @@
-"""The members of a design: parts of its sheet with names and axes, and the nodes where members meet.
+"""The members of a design: named parts of its sheet with axes, and the nodes where members meet.
 
 axes         middle lines of stripes, smooth axes with curvatures, widths to both sides
 components   bands of the pattern, with the cells and the middle line of each member
-loose_cells  cells outside of all stripes; strips along a rim, which end at the rim
-graph        overlaps and nodes; `MemberGraph`        assembly   order and names; `member_graph`"""
+loose_cells  cells outside of all stripes, and strips along a rim
+graph        overlaps and nodes; `MemberGraph`
+assembly     order and names; `member_graph`"""
 
 from dsfab.members.assembly import member_graph, spherical_normals
 from dsfab.members.axes import MemberAxis

@@ -15,19 +15,19 @@ from dsfab.results import PatternResult
 from dsfab.slicing import Overlay, Sheet, stripe_overlay
 from dsfab.surface import Surface
 
-TIE = 1e-3  # Positions along the structure are equal if they differ by less than this fraction of its size.
+TIE = 1e-3  # Largest difference between equal positions along the structure, as a fraction of its size.
 ROUND, HOLLOW = 0.5, 0.4
-"""Members form a ring if two ratios of their centroids exceed these values. ROUND : the spread in the second principal
-direction, divided by that in the first. HOLLOW : the smallest distance from the centre, divided by the largest."""
+"""Members form a ring if two ratios of their centroids exceed these values.
+ROUND  : spread in the second principal direction, divided by the spread in the first.
+HOLLOW : smallest distance from the centre, divided by the largest."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     """Return the order (k,) of members along a structure, from centroids (k, 3) and lengths (k,), metres.
     size : largest dimension of the structure, metres.
 
-    A ring is ordered counter-clockwise from the x axis, seen from above. Members that form no ring are ordered along
-    the direction of their largest spread, towards larger x, y or z. At equal positions the shorter member is first,
-    then the member with the smaller x, y, z."""
+    Members of a ring are ordered counter-clockwise from the x axis, seen from above. Other members are ordered along
+    the direction of their largest spread. At equal positions the shorter member is first, then the smaller x, y, z."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)
@@ -129,7 +129,7 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 def spherical_normals(surface: Surface) -> Floats:
     """Return unit normals (n, 3) at the vertices, exact on a sphere [Max 1999].
     Each face adds the cross product of its two edges at the vertex, divided by their squared lengths. Area-weighted
-    normals have an error of first order where edges differ in length, and members would twist by this error."""
+    normals would twist members where edges differ in length."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):
         corner_points, side_a, side_b = (surface.V[surface.F[:, (corner + k) % 3]] for k in range(3))

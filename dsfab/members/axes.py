@@ -16,15 +16,16 @@ from dsfab.surface import Surface, chains
 
 TURN = np.radians(60)
 """A line is divided into two members if it bends within the surface by more than this angle along `WINDOW` widths."""
-WINDOW, STEPS = 1.5, 4  # Length along which bends are measured, in widths, and number of points along this length.
-SPECK = 1.0  # Lines shorter than this many widths are dropped if the same stripe has a longer line.
+WINDOW, STEPS = 1.5, 4  # Length in widths along which bends are measured, and its number of steps.
+SPECK = 1.0  # Least length, in widths, of a further line of a stripe.
 
 
 @dataclass(frozen=True, eq=False)
 class MiddleLine:
     """A polyline on a surface.
     points  : (k, 3) points, metres; a closed line repeats its first point.
-    normals : (k, 3) unit normals of the surface at the points.    cells : (k - 1,) cell of each segment."""
+    normals : (k, 3) unit normals of the surface at the points.
+    cells   : (k - 1,) cell of each segment."""
 
     points: Floats
     normals: Floats
@@ -66,8 +67,7 @@ class MiddleLine:
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
     """Return the middle lines of the stripes of field k, by stripe, the longest first.
-    On these lines the field's `offset` (m, 3) changes its sign; it is given at the corners of cells and is never 0. The
-    offsets of two neighbouring cells have equal signs at both ends of their edge, or opposite signs at both.
+    offset  : (m, 3) offset from the middle at the corners of cells, never 0. Its sign changes on a middle line.
     normals : (n, 3) unit normals at the vertices of the overlay."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
     sign = np.sign(offset)
@@ -110,8 +110,8 @@ def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
     """Divide a line at bends within the surface of more than `TURN`.
-    A bend is measured along 1.5 times the member's `width`, or along one mean `edge` if that is longer (m). Short parts
-    at both ends are dropped: there the line bends towards the rim around a kept support."""
+    Bends are measured along 1.5 `width` or one `edge` (m), the longer of these two lengths. Short parts at both ends
+    are dropped, because a line bends towards the rim around a kept support."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)
@@ -157,7 +157,7 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
 
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
     """Return angles (radians) between the steps (k - 1, 3) of a line, in the tangent planes with normals (k, 3).
-    The result is (k - 2,) at the inner points, or (k - 1,) for a closed line."""
+    A closed line has k - 1 angles, an open line k - 2 at its inner points."""
     a, b = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
     a, b = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (a, b))
@@ -182,18 +182,19 @@ def _bend(turn: Floats) -> tuple[int, int]:
     return begin, end
 
 
-KNOTS, COARSE = 4.0, 2.0  # Knots of an axis are 4 widths of the member apart, or 2 edges of the mesh if that is longer.
+KNOTS, COARSE = 4.0, 2.0  # First distance between knots of an axis: in widths of the member, and least in edges.
 
 
 @dataclass(frozen=True, eq=False)
 class MemberAxis:
-    """Stations along a curve on a surface; lengths in metres, curvatures per metre. Index k counts the stations.
+    """Stations along a curve on a surface; lengths in metres, curvatures per metre. k counts the stations.
 
-    s : (k,) arc length from 0.    P : (k, 3) points.    T : (k, 3) unit tangents.    N : (k, 3) unit normals.
+    s  : (k,) arc length from 0.    P : (k, 3) points.    T : (k, 3) unit tangents.    N : (k, 3) unit normals.
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
     kn : (k,) normal curvature, positive towards N: T' . N.    tg : (k,) geodesic torsion: -N' . B.
     closed  : True if the last station equals the first.
-    traced  : (k,) length of the middle line up to each station.    strayed : the axis' largest distance from it."""
+    traced  : (k,) length of the middle line up to each station.
+    strayed : largest distance between the axis and the middle line."""
 
     s: Floats
     P: Floats
@@ -232,7 +233,7 @@ class MemberAxis:
 def fitted_axis(line: MiddleLine, width: float, edge: float) -> MemberAxis:
     """Fit an axis to a middle line. width : of the member, metres. edge : mean edge of the mesh, metres."""
     step = max(KNOTS * width, COARSE * edge)
-    # on fine meshes the tolerance shrinks with edge^2, as does the error of the mesh
+    # the tolerance shrinks with edge^2, like the error of the mesh
     axis, tolerance = _axis_with_knots(line, step), 0.05 * edge * edge / max(edge, width)
     while axis.strayed > tolerance and step >= 2 * edge:
         step /= 2

@@ -16,7 +16,7 @@ from dsfab.surface import CornerField, DividedField, Surface, link_components
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
 """Kinds of members, see `dsfab.members.graph.Member`; kept material has the kind "keep" before its shape is known."""
 FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
-NOWHERE = 10.0  # Offset that stands for "no middle line" in a region, larger than any real offset.
+NOWHERE = 10.0  # Offset of a region without a middle line, larger than any real offset.
 
 
 class NamedBand(NamedTuple):
@@ -58,9 +58,9 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     """Return the shape and the band of kept material, from values x (n,) or (n, 2) at the vertices of the sheet.
-    "reach": all points near a place. "plate": a region. "band": a strip along a region's outline, with x (n, 2)."""
+    "reach": all points near a place. "plate": a region. "band": a strip along an outline, with x (n, 2)."""
     zero = np.zeros(1)
-    if x.ndim == 2:  # column 0 is positive in the region; column 1 at its outline is minus the width
+    if x.ndim == 2:  # column 0 is positive in the region; the least value of column 1 is minus the width
         width = -float(x[:, 1].min())
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
@@ -70,7 +70,7 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 
 
-DISC = 0.4  # Kept material is a disc if its area exceeds this fraction of the area of a circle with an equal perimeter.
+DISC = 0.4  # Least area of a disc of kept material, as a fraction of a circle with an equal perimeter.
 HIDDEN, COVERED = 0.05, 0.3
 """A strip (HIDDEN) or kept material (COVERED) is a member only if more than this fraction of its area is visible."""
 
@@ -81,9 +81,10 @@ class Component:
 
     kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : family of the pattern, or "".
     stripe : number of the stripe of most of its cells; 0 without a stripe.
-    cells  : (c,) cells of the overlay, ascending.    core : (c,) True for cells that define its width, without fillets.
+    cells  : (c,) cells of the overlay, ascending.
+    core   : (c,) True for cells that define its width, without fillets.
     line   : middle line, or None.    field : number of the pattern's field; -1 for none.
-    group  : number of the overlay's stripe to which the cells belong; -1 for none."""
+    group  : number of the overlay's stripe; -1 for none."""
 
     kind: str
     family: str
@@ -108,7 +109,7 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Return the components of all stripes; cells at crossings are in several components, cells of slivers in none.
+    """Return the components of all stripes. Cells at crossings are in several components, cells of slivers in none.
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
@@ -126,8 +127,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of the stripes of a field. A stripe without its middle, such as half a stripe at the
-    sheet's edge, has a line at the mean offset of its cells."""
+    """Return the middle lines of the stripes of a field. Stripes without a middle have lines at mean offsets."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -147,7 +147,7 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
     """Return True if connected cells (c,) lie on one side of their band's middle and are shorter than the band is wide.
-    Cutting and fairing leave such pieces, a few millimetres long, at vertices. They need no axis."""
+    Cutting and fairing leave such pieces."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False
@@ -236,8 +236,8 @@ def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
 
 class CellsByStripes(NamedTuple):
     """Cells labelled by their stripes.
-    sheet : m cells, also divided along hidden edges of stripes.    loose : (m,) True for cells outside of all stripes.
-    label : (m,) number of the set of stripes that cover a cell."""
+    sheet : m cells, also divided along hidden edges of stripes.
+    label : (m,) number of the set of stripes that cover a cell.    loose : (m,) True outside of all stripes."""
 
     sheet: Sheet
     label: Ints
@@ -246,7 +246,7 @@ class CellsByStripes(NamedTuple):
 
 def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> CellsByStripes:
     """Return the cells of a sheet that was cut from `surface` along a pattern, labelled by their stripes.
-    A disc around a point stays one region; the ends of stripes below the disc do not divide it."""
+    A disc around a point is one region; stripes below the disc do not divide it."""
     bands = pattern_bands(surface, sheet, pattern)
     overlay = stripe_overlay(sheet, surface, [band.drawn for band in bands])
     part, round_ = overlay.part.copy(), roundness(overlay)
@@ -260,7 +260,7 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
     """Give connected loose cells the label of their neighbours, if all neighbours have the same label.
-    Fairing of walls moves the edges of stripes, and so leaves narrow cells outside of all stripes."""
+    Fairing of walls leaves such narrow cells outside of all stripes."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import compas.datastructures
 
 EXACT = 2.0**-30
-"""Offsets nearer to 0 (periods or metres) are moved to this value, with the sign of the offset at the edge's first end.
-Then a crossing on an edge is in exactly one of its two cells."""
+"""Least magnitude of an offset, in periods or metres; an offset nearer to 0 is moved to this value.
+So a crossing on an edge is in exactly one of the edge's two cells."""
 
 
 class SharedPatch(NamedTuple):
@@ -107,8 +107,8 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
     """Return the points on two sides (q, 2) of cells F (q, 3) where `offset` (q, 3), linear on each side, is 0.
-    The results (q, 2) are the corners at both ends of a side, the lower vertex number first, and the point's position
-    from 0 to 1 between them. Both cells at an edge thus give the same point."""
+    The results (q, 2) are the two corners of a side, the lower vertex number first, and the position from 0 to 1
+    between these corners."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]
@@ -124,17 +124,17 @@ NodeKind = Literal["crossing", "branch", "end", "grazing"]
 class Member:
     """A named part of a sheet.
 
-    id     : "A07", "B12b", "rim 1": letters for the families, numbers along the structure, small letters for parts of
-             one stripe that bends back or branches.
+    id     : "A07", "B12b", "rim 1": a letter for the family, a number along the structure, a small letter for a part
+             of one stripe.
     kind   : strip, or stub if it is less than twice as long as wide; rim and band along edges; ring and disc around
              kept places; plate and fill without an axis.
     family : family of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
-    stripe : number of the stripe of most of its cells.    part : 1, 2, ... among the members of this stripe.
+    stripe : number of the stripe of most of its cells.    part : number among the members of this stripe, from 1.
     cells  : (c,) cells of the graph's sheet, including cells below other members.
-    area   : area of these cells, square metres.
-    axis   : along its middle, or None.
+    area   : area of these cells, m2.
+    axis   : axis along its middle, or None.
     sides  : (k, 2) widths (m) to the left and right of each station of the axis; (0, 2) without an axis.
-    ends   : at begin and end, the name of a node or of the next member, "edge" or "free"; empty if closed."""
+    ends   : names of the nodes or members at begin and end, or "edge" or "free"; empty if closed."""
 
     id: str
     kind: Kind
@@ -177,11 +177,12 @@ class Member:
 class Node:
     """The overlap of two members.
 
-    kind    : crossing if both members continue, branch if one ends, end if both end; grazing if they share material
-              but their middle lines do not meet.
-    members : names of the members.    at : (2,) arc length along the axis of each member, metres; NaN without an axis.
+    kind    : crossing if both members continue, branch if one ends, end if both end; grazing if the members share
+              material but their middle lines do not meet.
+    members : names of the members.
+    at      : (2,) arc length along the axis of each member, metres; NaN without an axis.
     angle   : angle between the members, degrees, 0 to 90; NaN if a member has no axis.
-    point   : (3,) metres.    normal : (3,) of the surface at the point.    area : of the overlap, square metres."""
+    point   : (3,) metres.    normal : (3,) normal of the surface.    area : area of the overlap, m2."""
 
     id: str
     kind: NodeKind
@@ -199,7 +200,7 @@ class Node:
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
     """Members and nodes of a design.
-    sheet  : the kept sheet, its cells also divided along edges of hidden members. Each cell is in at least one member.
+    sheet  : kept sheet, with cells also divided along edges of hidden members. Each cell is in at least one member.
     source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet
@@ -222,8 +223,8 @@ class MemberGraph:
 
     @cached_property
     def owner(self) -> Ints:
-        """Number of the member (m,) to which the area of each cell belongs: the widest of its members, then the first.
-        So the areas of all members add up to that of the sheet."""
+        """Number (m,) of the widest member of each cell; at equal widths the first member.
+        The areas of owned cells sum to the area of the sheet."""
         numbers = np.full(self.sheet.surface.m, -1)
         for k in sorted(range(len(self.members)), key=lambda k: (self.members[k].mean_width, -k)):
             numbers[self.members[k].cells] = k
@@ -291,7 +292,7 @@ def stations_of_nodes(members: Sequence[Member], nodes: Sequence[Node]) -> dict[
     return stations
 
 
-ENDS = 1.0  # A member ends at a node if it continues by less than this many widths of the crossing member.
+ENDS = 1.0  # Longest piece of a member beyond its end node, in widths of the crossing member.
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,8 +320,8 @@ class Joints:
         return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
-        """Return ends (k, 3) of middle lines inside material shared with another member, and the cell (k,) of each end.
-        The members meet at such an end, for example two rims at a corner of the surface."""
+        """Return ends (k, 3) of middle lines inside material of another member, and the cell (k,) of each end.
+        Members meet at such an end, for example two rims at a corner of the surface."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[neighbour].line is None:
@@ -374,9 +375,10 @@ def _angle(a: Floats, b: Floats) -> float:
 
 
 def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
-    """Return the members with the names of both ends: the last node if it is near enough (`ENDS`), else the member that
-    continues the end, else "edge" at an edge of the surface, else "free".
-    owner : (m, f) member of each cell for each field, -1 for none.    surface : the surface before it was cut."""
+    """Return the members with the names of their ends.
+    An end has the name of the last node (see `ENDS`), of the next member, "edge" at an edge of the surface, or "free".
+    owner   : (m, f) member of each cell for each field, -1 for none.
+    surface : the surface before it was cut."""
     members, parts = joints.members, joints.parts
     by_id = {member.id: member for member in members}
     nodes_on = stations_of_nodes(members, nodes)

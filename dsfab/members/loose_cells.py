@@ -79,9 +79,8 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 
 FOLLOWS, INTO = 3.0, 1.5
-"""A line follows kept material if its length inside exceeds FOLLOWS widths of the material. For comparison, a line that
-crosses at 20 degrees is inside for 2.9 widths. A line that follows ends INTO widths after its entry, beyond
-the middle line of the material, so that both lines meet."""
+"""A line follows kept material if its length inside exceeds FOLLOWS widths of the material.
+Such a line ends INTO widths after its entry, so that it meets the middle line of the material."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
@@ -112,7 +111,8 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
     """Return the line, opened if closed, and the first and last points of its parts that run inside kept material.
-    width : (k - 1,) of the material (m) that hides each segment, or 0.    own_width : width of the line's member."""
+    width     : (k - 1,) width (m) of the material that hides each segment, or 0.
+    own_width : width of the line's member, metres."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

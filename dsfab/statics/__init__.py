@@ -62,7 +62,7 @@ def solve_statics(
     sheet: SheetModel, load: LoadCase, elements: Elements = PAPER, spread: SpreadLoad | None = None
 ) -> Equilibrium:
     """Return displacements, reactions and compliance of a thin elastic sheet (paper, section 3.1).
-    A flat sheet with loads in its plane is solved in 2D, without bending.    spread : see `equilibrium`.
+    A flat sheet with loads in its plane is solved without bending.    spread : see `equilibrium`.
     Raises StaticsError for mechanisms and for loads on vertices without faces."""
     spreads = None if spread is None else {"load": spread}
     return solve_cases(sheet, {"load": load}, elements, spreads)["load"]
@@ -71,9 +71,9 @@ def solve_statics(
 def solve_for(
     sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | Aid, bars: bool = False
 ) -> dict[str, Equilibrium]:
-    """Solve load cases with the elements for a use (a key of `USES`); return the equilibria by name.
-    If accurate elements fail on needles (very flat triangles of cut sheets), other elements solve the sheet, see
-    `Equilibrium.elements`. bars and errors : as `solve_cases`."""
+    """Solve load cases with the elements for a use, a key of `USES`. Return the equilibria by name.
+    Accurate elements can fail on needles (very flat triangles); simpler elements then solve the sheet.
+    bars : see `solve_cases`. Raises StaticsError as `solve_cases`."""
     elements = elements_of(use)
     try:
         return solve_cases(sheet, loads, elements, bars=bars)
@@ -91,10 +91,10 @@ def solve_cases(
     combinations: Mapping[str, Mapping[str, float]] | None = None,
     bars: bool = False,
 ) -> dict[str, Equilibrium]:
-    """Solve several load cases on the same supports with one factorisation; return the equilibria by name.
-    spreads      : for each case, its load on faces and edges (see `equilibrium`); None without such loads.
-    combinations : for each combination, the factor of each case. The result has the cases first, then the combinations.
-    bars         : true to reduce the torsional stiffness of ribs to that of rectangular bars (`torsion_loss`).
+    """Solve load cases on the same supports with one factorisation. Return the equilibria by name.
+    spreads      : load of each case on faces and edges (see `equilibrium`); None without such loads.
+    combinations : factors of the cases, by name of the combination. Combinations follow the cases in the result.
+    bars         : True if ribs twist like rectangular bars (`torsion_loss`).
     Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases."""
     sums = dict(combinations or {})
     for name, factors in sums.items():

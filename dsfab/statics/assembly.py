@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 
 def hinges(surface: Surface) -> Ints:
-    r"""Return the vertices (i, 4) of each pair of faces with a common edge: its start, its end, both opposite vertices.
+    r"""Return the vertices (i, 4) of each hinge: two faces with a common edge. Numbers in the picture are columns.
 
           2
          / \
@@ -32,8 +32,8 @@ def hinges(surface: Surface) -> Ints:
 def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
     """Return the gradients (i, 4, 3), 1/m, of the angles at hinges (i, 4), and the weights (i,): l^2 / (A1 + A2).
 
-    The gradients at the opposite vertices are n2 / h2 and n3 / h3: the normal of the face, divided by the vertex's
-    distance to the edge. The gradients at the edge's ends follow, because rigid motions change no angle."""
+    The gradients at the opposite vertices are n2 / h2 and n3 / h3, with normals n and heights h of the faces.
+    The gradients at the ends of the edge follow, because rigid motions change no angle."""
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
     edge = p1 - p0
     length = np.linalg.norm(edge, axis=1)
@@ -56,11 +56,10 @@ CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
-    """Pairs of vertices that are coupled in a stiffness matrix, and the places of their blocks in it.
-    ends     : (p, 2) the pairs in ascending order, the smaller vertex first: the ends of all edges and, if the
-               elements have hinges, the opposite vertices of all hinges.
-    of_edge  : (e,) number of the pair of each edge.
-    opposite : (i,) number of each hinge's pair of opposite vertices, p if they are one vertex; () without hinges."""
+    """Pairs of vertices that are coupled in a stiffness matrix, and the positions of their blocks in the matrix.
+    ends     : (p, 2) vertices of each pair, ascending: ends of edges, and opposite vertices of hinges, if any.
+    of_edge  : (e,) number of each edge's pair.
+    opposite : (i,) number of the pair of each hinge's opposite vertices, p for equal vertices; () without hinges."""
 
     n: int
     ends: Ints
@@ -106,7 +105,7 @@ class VertexPairs:
     def matrix(self, blocks: "PairBlocks") -> csr_array:
         """Return the stiffness (3 n, 3 n) of these blocks; the columns of each row ascend."""
         begin, column, number = self._block_positions
-        # one position for each block of nine entries needs a ninth of the memory of one position for each entry
+        # a position for each block, not for each of its nine entries, saves memory
         all_blocks = np.concatenate([blocks.between.T, _transposed_blocks(blocks.between).T, blocks.own.T])
         values = all_blocks[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
@@ -115,8 +114,8 @@ class VertexPairs:
 @dataclass(frozen=True, eq=False)
 class PairBlocks:
     """A stiffness as 3 x 3 blocks, one for each pair of vertices and one for each vertex.
-    between : (9, p) the blocks of `pairs.ends`, row by row, smaller vertex first, N/m.
-    own     : (9, n) the symmetric blocks on the diagonal."""
+    between : (9, p) blocks of the pairs, row by row, smaller vertex first, N/m.
+    own     : (9, n) symmetric blocks on the diagonal, N/m."""
 
     pairs: VertexPairs
     between: Floats
@@ -146,8 +145,8 @@ def _transposed_blocks(blocks: Floats) -> Floats:
 
 
 def summed_blocks(u: Floats, v: Floats, pair: Ints, count: int) -> Floats:
-    """Return, for each pair number, the sum of the 3 x 3 blocks u v^T with this number: (9, count). u, v : (3, k).
-    pair : (k,) numbers from 0 to `count`; blocks with the number `count` are left out."""
+    """Return the sums (9, count) of 3 x 3 blocks u v^T, one sum for each pair of vertices. u, v : (3, k).
+    pair : (k,) number of each block's pair; blocks with the number `count` are left out."""
     return np.stack([np.bincount(pair, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
 
 

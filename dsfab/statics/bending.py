@@ -30,12 +30,12 @@ from dsfab.surface.mesh import Surface
 
 def curvatures(surface: Surface) -> Floats:
     """Return each face's curvature (m, 3, 12), (xx, yy, 2 xy), for unit moves of corners and rotations of edges.
+    The curvature is constant on a face [Morley 1968; Grinspun et al. 2006 for surfaces]:
 
-    Let t be the direction of a half-edge j -> k, m = t x n the direction out of the face, and w = u . n. Let omega be
-    the rotation about the edge in the edge's global direction, and s = 1 if the half-edge has this direction, else -1.
-    The curvature is constant on a face [Morley 1968; Grinspun et al. 2006 for mid-edge rotations on surfaces]:
+        kappa = 1/A sum over half-edges j -> k of  -s l omega m m^T + (w_k - w_j) sym(t m^T)
 
-        kappa = 1/A sum over half-edges of  -s l omega m m^T + (w_k - w_j) sym(t m^T)"""
+    t is the direction of the half-edge, m = t x n points out of the face, and w = u . n is the deflection. omega is
+    the rotation about the edge in its global direction; s = 1 if the half-edge has this direction, else -1."""
     frame = tangents(surface)
     length, t, m = half_edge_frames(surface)
     rows = np.empty((surface.m, 12, 3))
@@ -61,8 +61,7 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    K_b converges to Kirchhoff's plate on every mesh; coarse meshes are too soft. The deflection of a plate
-    with 16 x 16 cells is 1.3 % (simply supported) to 8 % (clamped) too large."""
+    K_b converges to Kirchhoff's plate on every mesh. Coarse meshes are too soft."""
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
     return assemble_blocks(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
@@ -74,12 +73,12 @@ GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))
 
 def moment_loads(surface: Surface) -> Floats:
     """Return the work (m, 3 corners a, 3 moments, 12 unknowns) of unit moments M (xx, yy, xy) times lambda_a.
-    lambda_a is linear on the face, 1 at corner a and 0 at the other corners.
+    lambda_a is linear on the face, 1 at corner a and 0 at the other two corners.
     Unknowns: deflections w of the corners; bubbles, rotations and slopes of the half-edges. The work is
 
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
-    with m pointing out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
+    m points out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
     A rotation theta has the half-edge's sign s. A slope has no sign, because it is an odd function along the edge."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
@@ -105,8 +104,7 @@ def moment_loads(surface: Surface) -> Floats:
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    Only the bubble along an edge's mean normal bends the faces; the other two bubbles only stretch them. If each
-    bubble did both, coarse meshes of thin curved sheets would be far too stiff."""
+    Only bubbles along mean normals of edges bend the faces; else coarse meshes of curved sheets are too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)
@@ -140,10 +138,8 @@ def bending_stiffness(surface: Surface, material: Material, thickness: float, el
 
 def hinge_blocks(surface: Surface, material: Material, thickness: float) -> PairBlocks:
     """Return K_b of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2, N/m [Wardetzky et al. 2007].
-    At rest its Hessian is the sum of w g g^T, with g = grad theta and w = D l^2 / (A1 + A2): positive semidefinite on
-    curved sheets, too. The energy gives good *directions* of stress, but does not converge to Kirchhoff's plate on
-    general meshes. At 80 x 80 cells the centre of a clamped plate deflects by 0.56 (parallel diagonals) to 1.21
-    (crossed diagonals) of the exact value."""
+    K_b is positive semidefinite, also on curved sheets: the sum of w g g^T with g = grad theta, w = D l^2 / (A1 + A2).
+    Directions of stress are good, but deflections do not converge: those of clamped plates are 20 to 45 % wrong."""
     h = hinges(surface)
     gradients, weight = angle_gradients(surface, h)
     g = np.ascontiguousarray((gradients * np.sqrt(material.bending_stiffness(thickness) * weight)[:, None, None]).T)

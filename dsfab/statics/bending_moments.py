@@ -1,7 +1,6 @@
 """Bending moments on each face from a solved sheet, for every kind of bending.
 
-A positive moment curves the sheet towards its normal, like a bowl whose normals point inwards. It compresses the side
-of the normals and stretches the opposite side."""
+A positive moment compresses the side of the normals and stretches the opposite side."""
 
 import numpy as np
 
@@ -17,9 +16,8 @@ from dsfab.surface.mesh import Surface
 
 def facet_number(surface: Surface, thickness: float) -> float:
     """Return L^2 / (R h), the median of all edges: an edge's length times its fold angle, divided by the thickness.
-    A load on a flat face of a curved sheet bends the face between its edges. This causes relative errors with `hhj`.
-    On spheres under pressure the largest stress is too large by 0.8 to 0.9 times this number. A typical stress is wrong
-    by 0.05 times this number, the energy by 1.1 times its square. `midedge` has no unknown for this bending."""
+    A load on a flat face of a curved sheet bends this face between its edges; errors of `hhj` grow with the number.
+    On spheres under pressure, the largest stress is too large by about 0.9 times the number."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0
@@ -32,15 +30,12 @@ def face_moments(
     surface: Surface, material: Material, thickness: float, elements: Elements, answer: Equilibrium
 ) -> Floats:
     """Return moments per length (m, 3 corners, 3), (xx, yy, xy), newtons, at each face's corners in its tangent frame.
-
     answer : solution by `elements`. A sheet that was solved in its plane has no moments.
 
     `midedge` : constant on each face. The error of a mean of many faces is proportional to the mesh width.
     `hhj`     : linear on each face, computed again from the displacements [Hellan 1967].
-    `hinge`   : constant, from the changed angles of the face's hinges, for pictures only. On a plate bent to a parabola
-                the mean of many faces is wrong by 2 %. Single faces are wrong by 8 % (rows of staggered triangles) to
-                60 % (random triangles, or twist of squares halved by diagonals). Displacements also have errors (see
-                `hinge_blocks`). Faces at free edges have too small moments, because a free edge is not a hinge."""
+    `hinge`   : constant on each face, for pictures only. Single faces have errors of 8 to 60 %. Moments at free edges
+                are too small, because a free edge is not a hinge."""
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
     D = material.bending(thickness)
@@ -74,13 +69,13 @@ def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
     """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m: kappa = 1/A sum over half-edges of  l theta / 2  m m^T.
-    Each face takes half of an edge's angle theta [Grinspun et al. 2006]."""
+    A face takes half of the angle theta at each edge [Grinspun et al. 2006]."""
     length, _, out = half_edge_frames(surface)
     hinge, pairs = hinges(surface), surface.edges.pairs
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
     half = np.zeros(3 * surface.m)
     half[pairs[:, 0]] = angle / 2
-    # if the normals of two neighbours are opposite, the angle has the other sign in the second face
+    # the angle changes its sign in the second face if the normals are opposite
     along = half_edge_signs(surface).ravel()
     half[pairs[:, 1]] = -angle / 2 * along[pairs[:, 0]] * along[pairs[:, 1]]
     bent = (half.reshape(-1, 3) * length)[:, :, None] * voigt(out, out)
@@ -89,7 +84,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
     """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r, with J the matrix of ones.
-    r is the work of unit moments: `moment_loads` times the unknowns, without storing that matrix."""
+    r is the work of unit moments, the product of `moment_loads` and the unknowns."""
     edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
@@ -98,7 +93,7 @@ def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
     bubble = unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
     tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # dw/dm of the linear part on each half-edge
     turn = half_edge_signs(surface) * unknowns["rotation"][edge]
-    # dw/dm of the bubbles 4 phi_c phi_c+1 is linear on each half-edge, and follows from the gradients of phi
+    # dw/dm of the bubbles 4 phi_c phi_c+1 is linear on each half-edge
     ahead, behind = (np.einsum("mia,mca->mci", g, outward) for g in (after, slope))  # (m, half-edge, bubble)
     bent = (8 / 3 * surface.areas[:, None, None] * voigt(slope, after) * bubble[:, :, None]).sum(axis=1)
     work = np.repeat(bent[:, None], 3, axis=1)

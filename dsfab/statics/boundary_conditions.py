@@ -15,7 +15,7 @@ from dsfab.surface import coincident, pieces
 from dsfab.surface.loads.load_case import Force, Line, Load, LoadCase
 from dsfab.surface.mesh import Surface
 
-FREE_MOTION = 1e-9  # A rigid motion is free if it moves the supports by less than this fraction of its largest motion
+FREE_MOTION = 1e-9  # Largest displacement of the supports in a free rigid motion, relative to this motion.
 MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn about y", "turn about z")
 
 
@@ -32,8 +32,7 @@ def rigid_motions(points: Floats) -> Floats:
 
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
-    fixed   : (n, 3) fixed directions of the vertices, by supports or because the sheet is solved in its plane. Springs
-              of `load` also count.
+    fixed   : (n, 3) fixed directions of the vertices. Springs of `load` also count.
     clamped : (e,) edges that do not rotate."""
     count, label = pieces(surface.F, surface.edges)
     stopped = fixed | (load.spring > 0)
@@ -77,15 +76,15 @@ def _merge_hint(surface: Surface) -> str:
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
     """Return names of the rigid motions of `vertices` that neither fixed directions nor clamped edges prevent.
-    Each motion is a shift or a rotation, and has the name of its largest component.
-    clamped : (k, 2) ends of the edges that do not rotate; a rotation w turns an edge about its direction t by w . t."""
+    The largest component of a motion gives its name.
+    clamped : (k, 2) ends of the edges that do not rotate; a rotation w turns an edge of direction t by w . t."""
     at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (fixed directions, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
     _, values, basis = np.linalg.svd(stopped, full_matrices=False)
     null = basis[values <= FREE_MOTION * max(values.max(), 1.0)]
-    # separate shifts from rotations, because a rotation about a line of supports also shifts the centre
+    # a rotation about a line of supports also shifts the centre, so rotations are found first
     mix, turns, _ = np.linalg.svd(null[:, 3:])
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > FREE_MOTION
     parts = np.abs(mix.T @ null)
@@ -106,14 +105,11 @@ def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
 
 def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: Bools | None) -> Bools:
     """Return the edge unknowns (e, k) of `elements` that do not move.
-
     fixed   : (n, 3) fixed directions of the vertices.
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
 
-    A boundary edge is fixed in a direction if both ends are fixed in it. An inner edge is fixed if all corners of one
-    of its faces are. Faces with two boundary edges do not count, because the boundary alone fixes their corners. Edges
-    of faces that are fixed in all directions do not rotate. A bubble moves the edge along a direction d. It is fixed
-    if the squares of d's components in the fixed directions have a sum larger than 1/2."""
+    Edges of faces that are fixed in all directions do not rotate. A bubble moves along a direction d. It is fixed
+    if the squares of d's components in the fixed directions (`held_middles`) sum to more than 1/2."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -125,7 +121,8 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
-    """Return the fixed directions (e, 3) of the middles of edges, from the fixed directions (n, 3) of the vertices."""
+    """Return the fixed directions (e, 3) of the middles of edges, from the fixed directions (n, 3) of the vertices.
+    The middle of a boundary edge is fixed if both ends are. Other middles are fixed on fixed faces (`held_faces`)."""
     edges, faces = surface.edges, held_faces(surface, fixed)
     is_held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):
@@ -145,7 +142,7 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
         return
     if clamped.shape != (len(surface.edges.ends),):
         raise StaticsError(
-            f"clamped must have one value for each of the {len(surface.edges.ends)} edges, not shape {clamped.shape}"
+            f"clamped has the shape {clamped.shape}; it must have one value for each of {len(surface.edges.ends)} edges"
         )
     if elements.bending == "hinge" and clamped.any():
         raise StaticsError(
@@ -171,7 +168,7 @@ def with_springs(K: csr_array, load: LoadCase) -> csr_array:
 @dataclass(frozen=True, eq=False)
 class SpreadLoad:
     """The part of a load that is constant on each face or edge.
-    face : (m, 3) force per area on each face, Pa. edge : (e, 3) force per length on each edge, N/m."""
+    face : (m, 3) force per area of each face, Pa.    edge : (e, 3) force per length of each edge, N/m."""
 
     face: Floats
     edge: Floats
@@ -203,7 +200,7 @@ class SpreadLoad:
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
         """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on a unit of each bubble.
-        The integral of a bubble is A / 3 on a face of area A, and 2 l / 3 on an edge of length l."""
+        The integral of a bubble is A / 3 on a face, and 2 l / 3 on an edge."""
         work = self.edge * _lengths(surface) * 2 / 3
         np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         in_frame = np.einsum("edx,ex->ed", edge_frames(surface), work)
@@ -215,8 +212,8 @@ class SpreadLoad:
 
 
 def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> SpreadLoad:
-    """Return the part of `loads` that acts on faces and lines, without forces on picked vertices.
-    weight : weight of the sheet, newtons per square metre, as for `LoadCase.build`."""
+    """Return the part of `loads` that acts on faces and lines. It leaves out forces on picked vertices.
+    weight : weight of the sheet, N/m2."""
     face, edge = np.zeros((surface.m, 3)), np.zeros((len(surface.edges.ends), 3))
     for load in loads:
         if isinstance(load, Line):

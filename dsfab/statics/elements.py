@@ -23,13 +23,11 @@ BUBBLES = ("along", "across", "normal")
 class Elements:
     """Elements of a sheet, for membrane and bending.
 
-    membrane : `constant` strain has 3 unknowns per vertex. `quadratic`, the common six-node triangle, also has two
-               `BUBBLES` per edge. `hybrid` has the same unknowns, and stresses in equilibrium inside a face. Its errors
-               are a third to a half of those of `quadratic`. Reports use these two: `constant` is 5 to 15 % too stiff
-               for slender parts that bend in their plane.
-    bending  : `hinge`, the paper's element, gives good directions, but does not converge on general meshes. `midedge`
-               has one rotation per edge and converges; coarse meshes are too soft. `hhj`, for reports, has two
-               rotations and a bubble per edge, and is one order more accurate. None: a sheet solved in its plane."""
+    membrane : `constant` strain, `quadratic` (the common six-node triangle), or `hybrid`, with the unknowns of
+               `quadratic` and stresses in equilibrium. `hybrid` has a third to a half of the errors of `quadratic`.
+               `constant` is 5 to 15 % too stiff for slender parts that bend in their plane.
+    bending  : `hinge`, the paper's element, for directions only. `midedge` converges, and is too soft on coarse
+               meshes. `hhj` is one order more accurate. None for a sheet that is solved in its plane."""
 
     membrane: Membrane = "constant"
     bending: Bending | None = "hinge"
@@ -76,7 +74,7 @@ class Elements:
 
 
 PAPER = Elements("constant", "hinge")  # The elements of the paper; `USES` selects a pair for each result.
-INVERSE_MASS = 12 * (np.eye(3) - 0.25)  # A times the inverse mass matrix of linear functions on a triangle of area A.
+INVERSE_MASS = 12 * (np.eye(3) - 0.25)  # Inverse mass matrix of linear functions on a triangle, times its area.
 
 
 def half_edge_signs(surface: Surface) -> Floats:
@@ -86,14 +84,13 @@ def half_edge_signs(surface: Surface) -> Floats:
 
 @derived
 def edge_frames(surface: Surface) -> Floats:
-    """Return unit vectors t, m, n (e, 3, 3) of each edge: along it, across it in the sheet, and normal to the sheet. n
-    is the mean of both faces' normals, weighted by area. If these normals point to opposite sides of the sheet, one is
-    reversed first. Such a mean fails for three faces on an edge, and for a fold of more than 145 degrees.
-    Then n is the line nearest to all normals: the first eigenvector of sum A n n^T. The result is read-only."""
+    """Return unit vectors t, m, n (e, 3, 3) of each edge: along it, across it in the sheet, and normal to the sheet.
+    n is the mean of the normals of two faces, weighted by area; an opposite normal is reversed first. At three faces,
+    or a fold of more than 145 degrees, n is the first eigenvector of sum A n n^T. The result is read-only."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    # sign x normal is the same if a face's corners are reversed; it is opposite in the two faces of an edge
+    # reversing a face's corners leaves sign x normal unchanged; sign x normal is opposite in the two faces of an edge
     area_normal = surface.normals * surface.areas[:, None]
     signed = (half_edge_signs(surface)[:, :, None] * area_normal[:, None, :]).reshape(-1, 3)
     n = signed[edges.order[edges.start[:-1]]]
@@ -104,7 +101,7 @@ def edge_frames(surface: Surface) -> Floats:
         tensors = np.zeros((len(edges.ends), 3, 3))
         np.add.at(tensors, edges.of.ravel(), np.repeat(_outer(surface.normals, area_normal), 3, axis=0))
         first_face = edges.order[edges.start[undefined]] // 3
-        # the first face gets more weight: the normals of three faces at 120 degrees have no nearest line
+        # more weight for the first face makes the eigenvector unique for three faces at 120 degrees
         tensors[undefined] += 0.01 * _outer(surface.normals[first_face], area_normal[first_face])
         n[undefined] = np.linalg.eigh(tensors[undefined])[1][:, :, -1]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
@@ -126,15 +123,13 @@ def tensor_matrices(planar: Floats) -> Floats:
 
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """Return the sum (size, size) of blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
-    The sum is one sparse product S^T Z. Z has the rows of all blocks, and S selects the unknowns. The product needs no
-    sorting of the 100 to 300 entries of every face. S^T becomes row-major first; otherwise the product would convert
-    the much larger Z."""
+    The sum is a sparse product S^T Z, which needs no sorting: Z has the rows of all blocks, S selects the unknowns."""
     m, c = columns.shape
     columns = columns.astype(np.int32 if max(m * c * c, size) < 2**31 else np.int64)
     count = np.arange(m * c + 1, dtype=columns.dtype)
     Z = csr_array((blocks.ravel(), np.repeat(columns, c, axis=0).ravel(), c * count), (m * c, size))
     S = csr_array((np.ones(m * c), columns.ravel(), count), (m * c, size))
-    K = csr_array(csr_array(S.T) @ Z)
+    K = csr_array(csr_array(S.T) @ Z)  # without csr_array(S.T) the product would convert the larger Z
     K.sort_indices()
     return K
 
@@ -159,8 +154,8 @@ Aid = Literal["needles", "spread", "ranking", "directions"]
 @dataclass(frozen=True)
 class Use:
     """The purpose of a pair of elements.
-    pair      : the elements (without bending for a sheet that is solved in its plane).
-    tolerance : largest accepted relative error on the finest mesh of a test; None if no report or test uses the pair.
+    pair      : pair of elements; without bending if the sheet is solved in its plane.
+    tolerance : largest accepted relative error on the finest mesh of a test; None for a pair without tests.
     about     : the purpose in words."""
 
     pair: Elements

@@ -59,8 +59,10 @@ class ScaledStiffness:
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """A factorised stiffness. K : the stiffness of all unknowns. free : (N,) the unknowns that move.
-    scale : (N,) 1 / square root of the diagonal of K at `free`. solve : the function b -> map^-1 b."""
+    """A factorised stiffness.
+    K     : stiffness of all unknowns.    free : (N,) unknowns that move.
+    scale : (N,) 1 / square root of the diagonal of K at `free`.
+    solve : inverse of the scaled stiffness, a function of the right-hand side."""
 
     K: csr_array
     free: Ints
@@ -133,12 +135,10 @@ def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
 
 
 def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """Return x with K x = b, b (N,) or (N, k), and its relative residual.
+    """Return x with K x = b, b (N,) or (N, k), and its relative residual in the norm of energy.
 
-    The residual is measured in the norm of energy: sqrt(r . K^-1 r / b . x). If it is above `ACCURATE`, iterative
-    refinement [Wilkinson 1963] improves x, with residuals in the machine's highest precision. K of a thin sheet is
-    badly conditioned, and residuals in double precision would be mostly rounding errors. Each step rounds x to double
-    precision. The returned residual is that of the rounded x."""
+    The residual is sqrt(r . K^-1 r / b . x). A residual above `ACCURATE` starts iterative refinement [Wilkinson 1963]
+    in the machine's highest precision, because K of a thin sheet is badly conditioned."""
     x = solve(b)
     r = b - K @ x
     error = _energy_share(r, solve(r), b, x)

@@ -15,19 +15,18 @@ from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_a
 from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
 CROWDED = 0.25
-"""A face of a cut sheet is a splinter if its height is less than this fraction of the mean size of faces. Slopes of
-moments are meaningless in splinters: on a tower, shear was 5000 instead of 120 kN/m. So the load of a splinter is
-spread over its surroundings, up to a distance of this fraction of the mean size. A shorter distance removes less of
-the error; a longer distance misses shear in ribs."""
+"""A face is a splinter if its height is less than this fraction of the mean size of faces.
+Slopes of moments are meaningless in splinters. So the load of a splinter is spread over its surroundings, up to a
+distance of this fraction of the mean size. Larger distances miss shear in ribs."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
-    """Data to compute shear forces q from moments, by a potential M; all load cases of a sheet share them.
-    columns : (m, 6) the unknown of M at each corner and in the middle of each half-edge; (m, 3) only the corners.
-    sign    : (m, 6) -1 if this face's normal is opposite to that of the first face with this unknown of M; else 1.
-    rim     : (m, 3) 1 on half-edges of free edges and of folds, because no shear passes them; else 0.
-    spread  : (N, N) matrix that spreads the load on each unknown over its neighbours; columns sum to 1."""
+    """Data to compute shear forces q from moments, by a potential M. All load cases of a sheet share these data.
+    columns : (m, 6) unknowns of M at the corners and in the middles of the half-edges; (m, 3) at the corners only.
+    sign    : (m, 6) -1 if the normal is opposite to that of the unknown's first face, else 1.
+    rim     : (m, 3) 1 on half-edges of free edges and folds, which transfer no shear; else 0.
+    spread  : (N, N) matrix that spreads the load of each unknown over its neighbours; columns sum to 1."""
 
     surface: Surface
     columns: Ints
@@ -59,11 +58,11 @@ class ShearRecovery:
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
         """Return the mean of q on each face (m, 3), N/m, in space, tangent to the face.
-        moments : (m, 3 corners, 3) as the elements compute them, in `SheetStress.frame`, N.
-        twist   : (m, 3 corners, 3) the moments whose twist m_nt acts on free edges and folds."""
+        moments : (m, 3 corners, 3) moments of the elements, in `SheetStress.frame`, N.
+        twist   : (m, 3 corners, 3) moments with the twist m_nt on free edges and folds, N."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
-        if nodes == 6:  # from linear functions and bubbles to shape functions that are 1 at one node
+        if nodes == 6:  # change to shape functions that are 1 at one node
             work[:, :3] -= (work[:, 3:] + np.roll(work[:, 3:], 1, axis=1)) / 2
         load = np.bincount(self.columns.ravel(), (self.sign * work[:, :nodes]).ravel(), self.spread.shape[0])
         M = self.sign * self.factor(self.spread @ load)[self.columns]
@@ -148,9 +147,9 @@ CONVENTION = (
 
 class PrincipalForces(NamedTuple):
     """Principal values and directions of forces or moments.
-    values    : (m, 2), the algebraically larger first.
+    values    : (m, 2) principal values, the algebraically larger first.
     angle     : (m,) degrees from local x to the first direction, towards local y, from -90 to 90.
-    direction : (m, 3) unit vectors of the first direction; the second direction is normal x first."""
+    direction : (m, 3) unit vectors of the first direction. The second direction is normal x first."""
 
     values: Floats
     angle: Floats
@@ -159,14 +158,14 @@ class PrincipalForces(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SectionForces:
-    """Forces and moments per length of section, one value per face, in the frame and with the signs of `CONVENTION`.
+    """Forces and moments per length of section, one value per face. `CONVENTION` defines the frame and the signs.
 
     frame : (m, 2, 3) local x and local y of each face.
     n     : (m, 3) normal forces x, y and shear in the sheet xy, N/m.
     m     : (m, 3) moments x, y and twist xy, N m/m.
     q     : (m, 2) shear forces normal to the sheet, on sections normal to local x and to local y, N/m.
-    corners : (m, 3, 3) n at the corners of each face, not averaged, for the bending of ribs in the sheet.
-    corner_moments : (m, 3, 3) m at the corners; on a free edge its twist is the line force that balances q."""
+    corners : (m, 3, 3) n at the corners of each face, not averaged, N/m.
+    corner_moments : (m, 3, 3) m at the corners, N m/m. On a free edge, its twist is a line force."""
 
     frame: Floats
     n: Floats
@@ -191,14 +190,10 @@ def section_forces(
     surface: Surface, thickness: float, stress: SheetStress, recovery: ShearRecovery | None = None
 ) -> SectionForces:
     """Return n, m and q of a sheet from its stress. thickness : metres.
+    recovery : data for this surface and kind of bending; several cases can share them.
 
-    recovery : for the same surface and kind of bending; several cases can share it.
-
-    n is the thickness times the mean stress of each face in the middle surface. m is the mean of a face's
-    corners, after averaging around each vertex. This removes the bending of each flat face under its own load.
-
-    q balances the moments. For Navier's plate the errors of q fall as h^1.5 with the mesh width h, to 0.3 % at 32
-    cells; q from slopes of moments has 1.7 %. Sums over sections of cut sheets are wrong by 0.1 %, in ribs by 2.5 %."""
+    n is the thickness times the mean stress of the middle surface. m is averaged around each vertex, which removes the
+    bending of each flat face under its own load. q balances the moments; sums over ribs have errors of 2.5 %."""
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))
@@ -219,7 +214,7 @@ def section_forces(
 def local_frames(surface: Surface) -> Floats:
     """Return local x and local y of each face, (m, 2, 3), unit vectors, see `CONVENTION`."""
     normal = surface.normals
-    # if the normal is within 8 degrees of global x, local x follows global y
+    # local x follows global y if the normal is within 8 degrees of global x
     axis = np.where((np.abs(normal[:, 0]) > 0.99)[:, None], np.eye(3)[1], np.eye(3)[0])
     x = axis - np.einsum("mi,mi->m", axis, normal)[:, None] * normal
     x /= np.linalg.norm(x, axis=1, keepdims=True)

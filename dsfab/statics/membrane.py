@@ -19,17 +19,13 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(3, 0): 1}, {(2, 1): 1}, {(1, 2): 1}, {(0, 3): 1},
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
-"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4. With all of them
-the result does not depend on the order of corners. An element needs nine stresses (twelve displacements of its edges
-less three rigid motions), and degrees 2 and 3 give seven. With r^2 (x^2 - y^2) and r^2 x y as the only functions of
-degree 4, a right isosceles triangle has a strain without energy. With the other two alone its weakest strain has 0.19
-of its energy in the quadratic element, with all four 0.22. The function r^4 violates compatibility; it changes no
-reported digit."""
+"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4.
+All of these functions together make the result independent of the order of corners. An element needs nine stresses."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
 POINTS = np.concatenate([np.full((3, 3), (1 - x) / 2) + (3 * x - 1) / 2 * np.eye(3) for x in (_NEAR, _FAR)])
-"""Barycentric coordinates of six points, whose weights are `SHARES` of the area: exact for degree 4 [Dunavant 1985]."""
+"""Barycentric coordinates of six quadrature points, exact for degree 4 [Dunavant 1985]. `SHARES` has their weights."""
 
 
 def _airy_stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floats:
@@ -52,7 +48,7 @@ STRESSES = _airy_stresses(AIRY)
 
 def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
     """Return D (m, 9, 9) of each face, for strains (xx, yy, 2 xy) at its three corners, in its tangent frame.
-    C : (3, 3) matrix from strains to stresses or forces per length: isotropic, in plane stress or plane strain."""
+    C : (3, 3) isotropic matrix from strains to stresses or forces per length."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
     x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6 points), scaled
@@ -69,9 +65,9 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 
 
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
-    """Return the linear stress (m, 3 corners, 3), (xx, yy, xy), with the same mean and energy in each face as the
-    quadratic stress of `hybrid`. strain : (m, 3 corners, 3) of the quadratic triangle.
-    The linear stress is more accurate than the quadratic stress at the edge of a hole."""
+    """Return the stress (m, 3 corners, 3), (xx, yy, xy), Pa, linear on each face, of `hybrid` elements.
+    Its mean and energy are those of the quadratic stress. The linear stress is more accurate at the edges of holes.
+    strain : (m, 3 corners, 3) strain of the quadratic triangle."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(INVERSE_MASS @ work / surface.areas[:, None, None])
 
@@ -80,10 +76,10 @@ def membrane_stiffness(
     surface: Surface, material: Material, thickness: float, law: Law = "plane_stress", elements: Elements = PAPER
 ) -> csr_array:
     """Return K_m, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
-    `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`).
-    `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact). Its edge bubbles
-    move only within the sheet, so triangles that meet at an angle do not separate.
-    `hybrid`: displaced as `quadratic` on its edges, with stresses in equilibrium inside (`hybrid_rigidity`); softer."""
+    `constant`: the constant-strain triangle [Turner et al. 1956], assembled from blocks (`VertexPairs`).
+    `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965]. Its edge bubbles move only within the sheet, so
+    triangles that meet at an angle do not separate.
+    `hybrid`: displacements of `quadratic` on the edges, stresses in equilibrium inside (`hybrid_rigidity`)."""
     if elements.membrane == "quadratic":
         return _quadratic(surface, material.membrane(law) * thickness, elements)
     if elements.membrane == "hybrid":
@@ -93,12 +89,12 @@ def membrane_stiffness(
 
 
 def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBlocks:
-    """Return the stiffness of constant-strain triangles, C (3, 3) N/m, as blocks on vertex pairs.
+    """Return the stiffness of constant-strain triangles, C (3, 3) N/m, as blocks on pairs of vertices.
+    The pairs are those of edges, or of hinges if `elements` have hinges. The block of two corners is, for isotropic C,
 
-    The pairs are those of edges, or of hinges if `elements` have hinges. Let g and f be the gradients of the linear
-    functions of two corners, and P the projector onto the face. For an isotropic C their block is
+    A (lam g f^T + mu f g^T + mu (g . f) P)
 
-    A (lam g f^T + mu f g^T + mu (g . f) P)"""
+    g and f are the gradients of the corners' linear functions. P is the projector onto the face."""
     pairs = vertex_pairs(surface, hinges(surface) if elements.bending == "hinge" else None)
     lam, mu = C[0, 1], C[2, 2]
     face = surface.F.T
@@ -135,11 +131,10 @@ def _doubled_area_gradients(surface: Surface) -> Floats:
 
 def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> Floats:
     """Return the mean in-plane strain (m, 3), (xx, yy, 2 xy), of each face in its tangent frame.
+    It is the strain of the constant-strain triangle [Turner et al. 1956], and the linearised strain of the paper.
 
-    The strain is that of the constant-strain triangle [Turner et al. 1956]. The paper's F = (x1 x2 x3) phi + n
-    n_bar^T, linearised at rest, has this strain, because the change of the normal cancels the transverse shear.
-
-    u : (n, 3) displacements, metres.  bubbles : (e, 2) edge bubbles along t and m, metres, of `quadratic`."""
+    u       : (n, 3) displacements, metres.
+    bubbles : (e, 2) edge bubbles of `quadratic` along t and m, metres."""
     t = tangents(surface)
     slope, moved = hat_gradients(surface) @ t.transpose(0, 2, 1), u[surface.F] @ t.transpose(0, 2, 1)
     strain = voigt(slope[:, 0], moved[:, 0]) + voigt(slope[:, 1], moved[:, 1]) + voigt(slope[:, 2], moved[:, 2])
@@ -171,7 +166,7 @@ def bubble_strains(surface: Surface, weights: Floats) -> Floats:
 
 
 def _quadratic(surface: Surface, C: Floats, elements: Elements) -> csr_array:
-    # with C = L L^T and R = L^T B, one product R^T R per face serves all three quadrature points
+    # C = L L^T and R = L^T B; one product R^T R per face serves all quadrature points
     B = _point_strains(surface, (1 - np.eye(3)) / 2)
     R = (np.linalg.cholesky(C).T @ B).reshape(-1, 9, 15)
     blocks = R.transpose(0, 2, 1) @ R

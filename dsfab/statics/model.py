@@ -33,8 +33,7 @@ class Material:
     def membrane(self, law: Law) -> Floats:
         """Return the matrix (3, 3), Pa, from strains in the sheet's plane to stresses, for (xx, yy, 2 xy).
         `plane_stress`: the thickness is free to change, as in a thin sheet.
-        `stvk`: exactly the paper's law (St. Venant-Kirchhoff, linearised). Its deformation gradient F leaves the normal
-        unstretched, so the law is one of plane strain."""
+        `stvk`: the paper's law (St. Venant-Kirchhoff, linearised). The normal stays unstretched, as in plane strain."""
         mu = self.young / (2 * (1 + self.poisson))
         lam = self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson))
         if law == "plane_stress":
@@ -53,8 +52,9 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class SheetModel:
-    """A thin elastic sheet. surface : its middle surface. thickness : metres. law : see `Material.membrane`.
-    clamped : (e,) further edges that do not rotate, beside those clamped by a load's supports; None without any."""
+    """A thin elastic sheet.
+    surface : middle surface.    thickness : metres.    law : see `Material.membrane`.
+    clamped : (e,) edges that do not rotate, besides the edges that supports clamp; None without such edges."""
 
     surface: Surface
     material: Material

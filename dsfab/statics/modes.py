@@ -42,13 +42,12 @@ class ModeSupports:
 
 
 def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -> ModeSupports:
-    """Return the supports of a sheet that vibrates and buckles: its own supports, unless it is solved in its plane.
+    """Return the supports for vibration and buckling: the sheet's own supports, unless it is solved in its plane.
 
-    Supports of a sheet loaded in its plane mostly leave it free to fall over. So its supported vertices, with those on
-    springs, are also fixed normal to the plane. If the sheet could still rotate about a line through them, as a wall on
-    its base, the free edges between them are clamped. A support along an edge thus holds the sheet upright.
+    A sheet solved in its plane could fall over. So its supported vertices are also fixed normal to the plane.
+    Boundary edges between supported vertices are clamped if the sheet could still turn about a line of supports.
 
-    plane : true if the sheet is solved in its plane; by default this follows from the load."""
+    plane : True if the sheet is solved in its plane; by default this follows from the load."""
     axis = flat_axis(surface, load)
     if axis is None or plane is False:
         return ModeSupports(load)
@@ -70,16 +69,15 @@ FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling"
 HATS = (np.eye(3) + 1) / 12  # Integrals of phi_j phi_k over a triangle of area 1.
 BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles 4 phi_j phi_k.
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
-"""Integrals of phi_i (row) times the bubble of half-edge c (column), which runs from corner c to the next."""
+"""Integrals of phi_i (row) times the bubble of half-edge c (column). Half-edge c begins at corner c."""
 VOIGT = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
 """Symmetric matrices of unit curvatures (xx, yy, 2 xy)."""
 
 MODE_RESIDUAL = 1e-3
-"""Largest accepted relative residual of a mode, in the norm of the stiffness. The residual bounds the relative
-error of the frequency or buckling factor [Parlett 1980, 4.5]; the true error is near its square. Rounding alone
-gives 6e-4 on a cut saddle whose shortest edge is 1/1500 of its thickness."""
+"""Largest accepted relative residual of a mode, in the norm of the stiffness.
+The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
 
-INDEPENDENT = 1e-6  # Combinations of vectors of energy 1 that have less energy than this are rounding errors.
+INDEPENDENT = 1e-6  # Least energy of a combination of vectors of energy 1; less is a rounding error.
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +93,8 @@ class Vibration:
 
 @dataclass(frozen=True, eq=False)
 class Buckling:
-    """Linear buckling. factor : (k,) load factors at buckling, ascending. shapes : (k, n, 3), with largest
-    displacement 1. A sheet with few compressed parts has fewer factors than requested, or none."""
+    """Linear buckling. A sheet with few compressed parts has fewer factors than requested, or none.
+    factor : (k,) load factors at buckling, ascending.    shapes : (k, n, 3), with largest displacement 1."""
 
     factor: Floats
     shapes: Floats
@@ -116,10 +114,10 @@ def frequencies(
 ) -> Vibration:
     """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass, no rotary inertia.
 
-    sheet     : its mass is density x thickness per area.            fixed : (n, 3) fixed directions.
-    spring    : (n, 3) stiffness of elastic supports, newtons per metre.
-    K         : stiffness of the sheet (without springs) by the same elements, if the caller has computed it.
-    factor_of : function that factorises K: the cache of an `equilibrium` saves a factorisation.
+    sheet     : sheet with the mass density x thickness per area.
+    fixed     : (n, 3) fixed directions.    spring : (n, 3) stiffness of elastic supports, N/m.
+    K         : stiffness of the sheet without springs, if the caller has computed it.
+    factor_of : function that factorises K, for instance the cache of an `equilibrium`.
     Raises StaticsError for a material without density, for mechanisms, and for more modes than unknowns."""
     surface, density = sheet.surface, sheet.material.density
     if not density > 0:
@@ -143,13 +141,12 @@ def buckling(
     factor_of: FactorFunction = stiffness_factor,
 ) -> Buckling:
     """Return the lowest positive load factors of linear buckling: K x = factor (-K_g) x.
+    Loads keep their direction: a pressure does not rotate with the sheet. Displacements before buckling are neglected.
+    Real thin shells buckle well below it, axially loaded cylinders at 0.2 to 0.5 of it [Koiter 1945; NASA SP-8007].
 
-    answer   : equilibrium under `load`, by any elements. Its membrane stress loads the sheet, on the supports of
-               `load`. Loads keep their direction: a pressure does not rotate with the sheet. Displacements before
-               buckling are neglected. Real thin shells buckle well below the factor, cylinders under axial load at a
-               fifth to a half of it [Koiter 1945; NASA SP-8007].
-    elements : `midedge` has false local modes at needles, so cut sheets need the default.
-    K, factor_of : (u, u), as for `frequencies`.
+    answer   : equilibrium under `load`, by any elements; its membrane stress loads the sheet.
+    elements : elements of the modes. `midedge` has false local modes at needles (very thin triangles).
+    K, factor_of : see `frequencies`.
     Raises StaticsError for mechanisms, and if the modes do not converge."""
     surface = sheet.surface
     resultant = sheet.thickness * stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
@@ -164,14 +161,13 @@ def buckling(
 
 
 LOCAL_SHARE = 0.02
-"""A mode is local if it moves less than this fraction of the sheet's area, such as a bay or a loose end. The lowest
-modes of whole structures move 8 % (a dome under a load at one point) to 70 % (a vault)."""
+"""A mode is local if it moves less than this fraction of the sheet's area, such as a bay or a loose end."""
 MODES_BESIDE_LOCAL = 6  # number of modes to compute if the first is local
 
 
 def moved_share(surface: Surface, shapes: Floats) -> Floats:
     """Return the share (k,) of the area that each shape (k, n, 3) moves: (integral of u^2)^2 / (A integral of u^4).
-    The share is exact if one part moves evenly and the rest not at all [participation ratio, Bell and Dean 1970]."""
+    The share is exact for a part that moves evenly [participation ratio, Bell and Dean 1970]."""
     squares = (shapes**2).sum(axis=2)
     area = surface.vertex_areas
     return np.asarray((squares @ area) ** 2 / (area.sum() * (squares**2 @ area)))
@@ -185,8 +181,8 @@ def lowest_buckling(
     K: csr_array | None = None,
     factor_of: FactorFunction | None = None,
 ) -> tuple[float | None, str]:
-    """Return the lowest factor of `buckling` (None if there is none), and a clause if its mode is local (else '').
-    The clause names the place of the mode and the factor of the first mode that is not local."""
+    """Return the lowest factor of `buckling`, or None; and a clause if its mode is local, else ''.
+    The clause names the place of the mode, and the factor of the first mode that is not local."""
     factors = factor_of or FactorCache()
     K = sheet_stiffness(sheet, elements) if K is None else K
     lowest = buckling(sheet, load, answer, 1, elements, K, factors)
@@ -208,7 +204,7 @@ def lowest_buckling(
 
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
     """Return M (u, u), kg, over the unknowns of `elements`; rotations of edges have no mass.
-    per_area : kg/m2. The entries of the corners sum to three times the sheet's mass, once for each of x, y and z."""
+    per_area : mass per area, kg/m2."""
     scalar = np.block([[HATS, HAT_BUBBLES], [HAT_BUBBLES.T, BUBBLE_PAIRS]])
     names = [name for name in BUBBLES if name in elements.on_edges]
     frames = edge_frames(surface)[surface.edges.of]
@@ -225,13 +221,10 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
 
         x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
 
-    resultant : (m, 3, 3) membrane force per length N, newtons per metre, tangent to each face.
+    resultant : (m, 3, 3) membrane force per length N, N/m, tangent to each face.
 
-    A stress may only act on slopes that the elements resist; otherwise a single needle buckles alone. A quadratic
-    bubble on the short edge of a needle has a large slope, which neither `hybrid` nor `hhj` resists. So the gradient
-    in a face has two parts. One is the mean gradient of corner displacements and, for `hhj`, of normal bubbles. The
-    other is the constant curvature of the edges' rotations [Morley 1968] times the distance from the centroid. The
-    error of a plate's factor still falls with the fourth power of the mesh width."""
+    The stress acts only on slopes that the elements resist; otherwise a needle (very thin triangle) buckles alone.
+    These slopes are mean gradients and, for `hhj`, slopes of a constant curvature [Morley 1968]."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))
@@ -253,8 +246,8 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
     """Return slopes (m, 2, 5, c) of each face along both tangents per unit unknown, and its unknowns (m, c).
-    K_g is the sum of slope . N slope. The five slopes are the means of x, y and z, and those from the curvature at two
-    quadrature points. All are multiplied by the square root of the area."""
+    The five slopes are the means of x, y and z, and those from the curvature at two quadrature points.
+    All slopes are multiplied by the square root of the area, so that K_g is the sum of slope . N slope."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
     slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)
@@ -269,8 +262,8 @@ def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
 
 def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
     """Return the mean gradients (m, 2, 3, 9 + 3 len(names)) of each face: of x, y and z, along both tangents.
-    Columns: unit displacements of corners, then the unknowns `names` of half-edges. As in the bending stiffness, a
-    normal bubble moves a face along its normal alone."""
+    Columns: unit displacements of corners, then the unknowns `names` of half-edges.
+    A normal bubble moves a face along the face's normal only."""
     slope = np.einsum("mik,mak->mai", hat_gradients(surface), tangents(surface))
     gradients = np.zeros((surface.m, 2, 3, 9 + 3 * len(names)))
     for i in range(3):
@@ -278,7 +271,7 @@ def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
     if names:
         normal = surface.normals
         share = np.einsum("mci,mi->mc", edge_frames(surface)[surface.edges.of, 2], normal)
-        # the mean of grad (4 phi_j phi_k) is 4/3 (grad phi_j + grad phi_k): -4/3 times that of the third corner's phi
+        # the mean of grad (4 phi_j phi_k) is 4/3 (grad phi_j + grad phi_k) = -4/3 grad phi_i
         mean = -4 / 3 * np.roll(slope, -2, axis=2) * share[:, None, :]
         gradients[:, :, :, 9:12] = mean[:, :, None, :] * normal[:, None, :, None]
     return gradients
@@ -294,7 +287,7 @@ def _supported_modes(
     factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
-    Lanczos on K^-1 A with the inner product of K needs no other factor than that of K [Lehoucq et al. 1998, ARPACK]."""
+    Lanczos on K^-1 A with the inner product of K needs only the factor of K [Lehoucq et al. 1998, ARPACK]."""
     is_held = held_unknowns(surface, [load], elements, plane=False)
     mu, x = largest_eigenpairs(A, factor_of(surface, with_springs(K, load), is_held), count)
     return mu, _normalised_shapes(x[:, : 3 * surface.n].reshape(-1, surface.n, 3))
@@ -302,8 +295,7 @@ def _supported_modes(
 
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and x (k, u), for the factor of K.
-    are_results : False for vectors that only span a basis, with residuals up to `MODE_RESIDUAL`. More exact vectors
-                  take twice the time, and have only rounding errors at needles.
+    are_results : False if the vectors are only used as a basis; residuals up to `MODE_RESIDUAL` save time.
     Raises StaticsError if the modes do not converge, or if results are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:
@@ -339,9 +331,8 @@ def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) ->
 
 
 def _refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return eigenvalues (k,), vectors (N, k) and the last changes (k,) of the eigenvalues, by Davidson's method
-    [1975]. If an edge is a ten-thousandth of the thickness, rounding makes Lanczos lose 2 % of mu, and even an exact
-    vector has a large residual. Eigenvalues still converge: their error is the square of the vector's error."""
+    """Return eigenvalues (k,), vectors (N, k) and last changes (k,) of the eigenvalues [Davidson 1975].
+    If edges are far shorter than the thickness, rounding gives exact vectors large residuals; eigenvalues converge."""
     K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)
     Kx = (K @ x).astype(np.float64)
     for _ in range(REFINEMENTS):

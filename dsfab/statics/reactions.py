@@ -36,8 +36,8 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support's forces and torques on the sheet.
-    The torque of an edge goes to the supports that clamp the edge, or else to the supports of its ends. All supports
-    together balance the loads, unless the sheet itself has clamped edges (`SheetModel.clamped`)."""
+    The torque of an edge goes to the supports that clamp it, else to those of its ends. Clamped edges of the sheet
+    itself (`SheetModel.clamped`) belong to no support, so the reactions may not balance the loads."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
@@ -49,8 +49,8 @@ def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equ
 
 
 def support_forces(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> Floats:
-    """Return the forces (s, n, 3), N, of each support on each vertex. Supports that fix the same direction of a vertex
-    share its force equally, springs in proportion to their stiffness."""
+    """Return the forces (s, n, 3), N, of each support on each vertex.
+    Supports share the force in a fixed direction equally, springs in proportion to their stiffness."""
     fixed = np.array([support.fixed_directions(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
     # where a support fixes a direction, springs do not stretch and carry nothing
@@ -66,12 +66,12 @@ def _shares(parts: Floats) -> Floats:
 class SupportEntry:
     """A support and its reactions.
 
-    vertices : number of vertices that it supports.       place : (3,) mean of these vertices, metres.
-    length   : metres of supported edges: boundary edges, or the edges of a line within the sheet; 0 for points.
-    area     : m2 of the faces with all corners supported.
+    vertices : number of supported vertices.    place : (3,) mean of these vertices, metres.
+    length   : metres of supported edges, on the boundary or along a line; 0 for points.
+    area     : m2 of the faces with three supported corners.
     holds    : fixed directions, springs and clamping, such as 'xyz', 'z, clamped' or 'spring xy'.
-    reaction : for each case, (3,) newtons on the sheet.
-    share    : for each case, the sum of its forces' magnitudes, divided by that of all supports, 0 to 1."""
+    reaction : (3,) newtons on the sheet, by case.
+    share    : share of the sum of all supports' force magnitudes, 0 to 1, by case."""
 
     name: str
     vertices: int
@@ -88,8 +88,10 @@ class SupportEntry:
 
 @dataclass(frozen=True, eq=False)
 class LoadEntry:
-    """A load and its resultant. force : (3,) sum of its forces, N. total : sum of the magnitudes of its forces, N.
-    area : m2 of the loaded faces. length : metres of the loaded edges. vertices : number of loaded vertices."""
+    """A load and its resultant.
+    force  : (3,) sum of the load's forces, N.    total : sum of the magnitudes of these forces, N.
+    area   : m2 of the loaded faces.              length : metres of the loaded edges.
+    vertices : number of loaded vertices."""
 
     name: str
     kind: str
@@ -130,7 +132,7 @@ def support_entries(
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
     """Return number and mean of picked vertices (n,), and the length (m) of edges and area (m2) of faces between them.
-    An edge within the sheet counts if none of its faces has three picked corners: the pick is then a line."""
+    An edge within the sheet counts only if the pick is a line: its faces have no three picked corners."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True
@@ -146,8 +148,8 @@ def _holds(support: Support) -> str:
 
 
 def load_entries(surface: Surface, loads: Sequence[Load], weight: float) -> tuple[LoadEntry, ...]:
-    """Return each load by itself, without the factors of combinations. Raises SurfaceError for loads without an effect.
-    weight : weight of the sheet, newtons per square metre, as for `LoadCase.build`."""
+    """Return each load by itself, without factors of combinations. Raises SurfaceError for loads without an effect.
+    weight : weight of the sheet, N/m2."""
     entries = []
     for name, load in zip(load_names(loads), loads, strict=True):
         force, spread = load.forces(surface, weight), spread_load(surface, [load], weight)

@@ -22,9 +22,9 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class ResultRequest:
-    """Requested results of a sheet that cost time; other results are always given.
-    strength : Pa, compared with the largest stress; 0 for no comparison. frequencies : number of natural frequencies.
-    buckling : number of load factors."""
+    """Requested results of a sheet that cost time.
+    strength    : Pa, compared with the largest stress; 0 for no comparison.
+    frequencies : number of natural frequencies.    buckling : number of load factors."""
 
     strength: float = 0.0
     frequencies: int = 0
@@ -51,12 +51,12 @@ class ResultRequest:
 class Answers:
     """Results of a sheet under one load.
 
-    elements    : elements that solved the sheet (without bending if it was solved in its plane).
-    equilibrium : solution by these elements; the design's own solution if the design has the same elements.
+    elements    : elements that solved the sheet; without bending if it was solved in its plane.
+    equilibrium : solution by these elements.
     stress      : stress and energy, see `SheetStress`.
     vibration, buckling : None without a request or without a result.
     refusals    : reasons for missing results, one sentence each.
-    assumed     : assumptions about the supports for vibration and buckling (`mode_supports`), or ''."""
+    assumed     : assumptions about the supports for vibration and buckling, or ''."""
 
     elements: Elements
     equilibrium: Equilibrium
@@ -70,10 +70,10 @@ class Answers:
 @dataclass(frozen=True, eq=False)
 class SolvedCase:
     """A load case and its equilibrium.
-    equilibrium : under `load` and `spread`, by `elements`, or by `elements.in_plane` if `plane`.
-    elements    : the chosen pair (with bending, even if the sheet was solved in its plane).
-    factor_of   : the function that factorised K (`ResultRequest.factor_for`), to save a second factorisation.
-    plane       : whether the sheet was solved in its plane; by default this follows from `load`."""
+    equilibrium : solution under `load` and `spread`, by `elements`, or by `elements.in_plane` if `plane`.
+    elements    : the pair of elements, with bending even for a sheet solved in its plane.
+    factor_of   : function that factorised K (`ResultRequest.factor_for`).
+    plane       : True if the sheet was solved in its plane; by default this follows from `load`."""
 
     load: LoadCase
     spread: SpreadLoad
@@ -92,12 +92,11 @@ def sheet_answers(
 ) -> Answers:
     """Return stress and energy of a solved sheet, and the other requested results.
 
-    stiffness     : function that returns K for any elements. It is called if the results need other elements than the
-                    case, or if modes need bending and the case was solved in its plane.
-    other_factors : function for all further factorisations; a `FactorCache` of two serves loads on the same supports.
+    stiffness     : function that returns K for given elements; called if the results need another K than the case.
+    other_factors : function for further factorisations; a `FactorCache` of two serves loads on the same supports.
 
-    Vibration counts the mass of the sheet alone, without its loads. Raises StaticsError if the elements for the
-    results cannot solve the sheet. Modes that do not converge give a refusal in the result."""
+    Vibration counts only the mass of the sheet, without its loads. Modes that do not converge give a refusal.
+    Raises StaticsError if the elements for the results cannot solve the sheet."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
     other_factors = other_factors or FactorCache(2)

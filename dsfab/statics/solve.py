@@ -31,14 +31,14 @@ class Equilibrium:
     """Solution of a surface under a load.
 
     u          : (n, 3) displacements, metres.
-    reaction   : (n, 3) forces of the supports on the sheet, newtons, springs included; zero at free vertices.
+    reaction   : (n, 3) forces of the supports and springs on the sheet, newtons; zero at free vertices.
     compliance : f . u over all unknowns, joules (twice the elastic energy); a stiffer sheet has a smaller compliance.
-    imbalance  : largest component of the sum of loads and reactions, or of the sum of their moments divided by the
-                 size of the surface; as a fraction of the sum of the loads' magnitudes.
-    residual   : relative residual of K u = f in the norm of its energy, sqrt(r . K^-1 r / f . u): the relative rounding
-                 error of u in that norm. It bounds the relative error of the compliance.
-    on_edges   : for each name, the unknowns on edges (e,): `rotation` and `slope` in radians, `along`, `across` and
-                 `normal` bubbles in metres (see `dsfab.statics.elements`); empty for the paper's elements.
+    imbalance  : largest component of the sums of all forces, and of all moments divided by the surface's size; as a
+                 fraction of the sum of the loads' magnitudes.
+    residual   : sqrt(r . K^-1 r / f . u), the relative rounding error of u in the norm of energy. It bounds the
+                 relative error of the compliance.
+    on_edges   : unknowns on edges (e,), by name: `rotation` and `slope` in radians; bubbles `along`, `across` and
+                 `normal` in metres (`dsfab.statics.elements`). Empty for the paper's elements.
     torque     : (e,) moments of the supports on clamped edges, about the edges' directions, newton metres; empty for
                  elements without rotations.
     elements   : elements that solved the surface."""
@@ -89,11 +89,10 @@ def equilibrium(
 ) -> Equilibrium:
     """Solve K u = f without the fixed unknowns, and with the springs of supports added to K.
 
-    K        : stiffness, N/m, over the unknowns of `elements`: x, y, z of vertex 0, of vertex 1, ..., then of the
-               edges.
-    elements : elements of K (without bending for a sheet solved in its plane).
-    spread   : part of the load on faces and edges, for the forces on bubbles; `load` has all forces on vertices.
-    factor_of : function that factorises: `stiffness_factor`, or a `FactorCache` for repeated use.
+    K         : stiffness, N/m, over the unknowns of `elements`: x, y, z of each vertex, then the edges.
+    elements  : elements of K; without bending for a sheet solved in its plane.
+    spread    : part of the load on faces and edges, for the forces on bubbles; `load` has all forces on vertices.
+    factor_of : function that factorises; a `FactorCache` for repeated use.
     Raises StaticsError if the supports leave a motion free, if a load acts on a vertex without faces, if edges without
     rotations are clamped, or if the solution does not balance the loads."""
     return equilibria(surface, K, [load], elements, [spread] if spread else None, (), factor_of)[0]
@@ -108,10 +107,9 @@ def equilibria(
     sums: Sequence[Sequence[float]] = (),
     factor_of: "FactorFunction | None" = None,
 ) -> tuple[Equilibrium, ...]:
-    """Return the `equilibrium` of each load on the same supports, then of combinations, from one factorisation.
+    """Return the `equilibrium` of each load, then of combinations, from one factorisation.
     K    : (u, u), see `equilibrium`.
-    sums : for each combination, the factors of the k loads. A combination is a sum of solutions; the residuals of its
-           parts bound its residual.
+    sums : k factors of the loads for each combination. The residuals of the loads bound that of a combination.
     Raises StaticsError as `equilibrium`, and for loads on different supports."""
     _require_same_supports(loads)
     is_held = held_unknowns(surface, loads, elements)
@@ -140,7 +138,7 @@ def _require_same_supports(loads: Sequence[LoadCase]) -> None:
 
 def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Elements, plane: bool | None = None) -> Bools:
     """Return the unknowns (u,) that do not move, for loads on the same supports.
-    plane : false for a flat sheet that may move out of its plane; by default this follows from the loads.
+    plane : False for a flat sheet that may move out of its plane; by default this follows from the loads.
     Raises StaticsError if the supports leave a motion free, and for a load on a vertex without faces."""
     reference = loads[0]
     clamped = all_clamped(reference)
@@ -161,12 +159,11 @@ def equilibrium_of_unknowns(
     surface: Surface, load: LoadCase, elements: Elements, unbalanced: Floats, x: Floats, is_held: Bools
 ) -> Equilibrium:
     """Return the equilibrium with the unknowns x (u,); its compliance and residual are set to 0.
-
-    unbalanced : (u,) K x - f, with K without springs: the forces of all supports, rigid supports and springs."""
+    unbalanced : (u,) K x - f with K without springs: the forces of all supports and springs."""
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
-    # a spring's force is -k u, not K x - f: the difference is the residual, which must appear in the imbalance
+    # with -k u as the force of a spring, not K x - f, the imbalance contains the residual
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))
@@ -203,12 +200,12 @@ def require_solved(surface: Surface, imbalance: float, residual: float) -> None:
     if not imbalance <= BALANCE:
         either = f"{'some triangles are too flat, or ' if needles else ''}the sheet is nearly a mechanism"
         raise StaticsError(
-            f"loads and reactions differ by {imbalance:.1e} of the load (the equations are solved to {residual:.1e}): "
+            f"loads and reactions differ by {imbalance:.1e} of the load (relative residual {residual:.1e}): "
             f"{either}; hold more directions, use a thicker sheet, or a finer mesh{needles}"
         )
     raise StaticsError(
-        f"the equations are solved to {residual:.1e} only (wanted: {RESIDUAL:g}): the sheet is too thin for its size "
-        f"or nearly a mechanism; use a thicker sheet, hold more directions, or remove very flat triangles{needles}"
+        f"the relative residual of the solution is {residual:.1e} (limit {RESIDUAL:g}): the sheet is too thin for its "
+        f"size or nearly a mechanism; use a thicker sheet, hold more directions, or remove very flat triangles{needles}"
     )
 
 

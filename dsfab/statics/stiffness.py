@@ -24,9 +24,8 @@ Row = Callable[[str], AbstractContextManager[object]]
 
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
-    """Return K (N, N), N/m, over the unknowns of `elements`: membrane and, if they have it, bending.
-    row : opens the rows "membrane" and "bending" for the times of both. Blocks of the paper's elements are added before
-          one matrix is made of them; this last step counts as bending."""
+    """Return K (N, N), N/m, over the unknowns of `elements`: membrane, and bending if the elements have it.
+    row : opens the rows "membrane" and "bending" in a table of times."""
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
     if elements == PAPER:
         with row("membrane"):
@@ -43,11 +42,13 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 
 @dataclass(frozen=True, eq=False)
 class FaceStiffness:
-    """K = sum over the faces of s_f K_f on the free unknowns. The elements have constant strain and mid-edge bending,
-    or no bending in a sheet that is solved in its plane.
-    blocks  : (m, c, c) K_f, N/m.            unknown : (m, c) the free unknown of each row, `count` if it is fixed.
-    places  : (nnz, m) matrix from factors s (m,) to the nonzero values of K.    indices, indptr : K's sparse pattern.
-    springs : (nnz,) stiffness of supports.  points, node : points, and each free unknown's point.
+    """K = sum over the faces of s_f K_f on the free unknowns, with a factor s_f for each face.
+    The elements have constant strain and mid-edge bending, or no bending in a sheet that is solved in its plane.
+    blocks  : (m, c, c) K_f, N/m.
+    unknown : (m, c) free unknown of each row of K_f, `count` if it is fixed.
+    places  : (nnz, m) matrix from factors s (m,) to the nonzero values of K.
+    indices, indptr : sparse pattern of K.    springs : (nnz,) stiffness of supports, N/m.
+    points  : vertices and middles of edges.    node : point of each free unknown.
     force   : (count, k) newtons, of each load."""
 
     blocks: Floats
@@ -95,7 +96,7 @@ class FaceStiffness:
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
         """Return the factor of K for factors `scale` (m,) on faces. Raises StaticsError for a mechanism.
-        earlier : an earlier factor, which is overwritten. Its order of unknowns is used again, which saves time."""
+        earlier : an earlier factor, which is overwritten; its order of unknowns saves time."""
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)

@@ -22,7 +22,7 @@ def stress(
     surface: Surface, material: Material, u: Floats, law: Law = "plane_stress", bubbles: Floats | None = None
 ) -> Floats:
     """Return the membrane (Cauchy) stress (m, 3, 3), Pa, symmetric and tangent, of displacements u (n, 3), metres.
-    bubbles : (e, 2) `Equilibrium.bubbles`, metres; the result is then the mean of each face's linear stress."""
+    bubbles : (e, 2) `Equilibrium.bubbles`, metres. With bubbles, the stress is the mean of a linear stress."""
     return tensors_in_space(surface, mean_strain(surface, u, bubbles) @ material.membrane(law).T)
 
 
@@ -40,7 +40,7 @@ def von_mises(sigma: Floats) -> Floats:
 
 def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
     """Return in-plane strains (m, 3 corners, 3), (xx, yy, 2 xy), of the middle surface in each face's frame.
-    With edge bubbles, `quadratic` and `hybrid` elements both have the strains of the quadratic triangle."""
+    Elements `quadratic` and `hybrid` have the strains of the quadratic triangle."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2): displacements in the frame
@@ -49,7 +49,7 @@ def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
         return strain
     moved = np.einsum("ed,edx->ex", answer.bubbles, edge_frames(surface)[:, :2])[surface.edges.of]
     bubble = moved @ t.transpose(0, 2, 1)
-    # 4 phi_c phi_c+1 has the gradient 4 grad phi_c+1 at corner c, 4 grad phi_c at corner c + 1, 0 at the third corner
+    # grad (4 phi_c phi_c+1) is 4 grad phi_c+1 at corner c, 4 grad phi_c at corner c + 1
     start_strain = voigt(4 * np.roll(slope, -1, axis=1), bubble)
     end_strain = voigt(4 * slope, bubble)
     return np.asarray(strain + start_strain + np.roll(end_strain, 1, axis=1))
@@ -64,20 +64,19 @@ def membrane_stresses(surface: Surface, material: Material, law: Law, elements: 
 SMOOTH = np.cos(np.radians(30))
 """Cosine of 30 degrees. At a corner, a face lies across a fold if its normal differs from the mean normal by more."""
 
-WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of entries xx, yy, zz, yz, xz and xy in a symmetric tensor.
+WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of entries xx, yy, zz, yz, xz, xy in a tensor.
 HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
 
 
 def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Floats:
     """Return plane tensors (m, 3 corners, 3), (xx, yy, xy), averaged over the faces around each vertex.
 
-    frame  : (m, 2, 3) of each face, for the components.
+    frame  : (m, 2, 3) directions of each face, for the components.
     values : (m, 3 corners, 3) tensors before averaging.
-    sided  : true if values change their sign with the face's normal, as bending does.
+    sided  : True if values change their sign with the face's normal, like bending.
 
-    Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge,
-    averages have large values that means of faces lack. On curved sheets, the load on a flat face bends each face by
-    itself; averages remove this false bending. At a corner, a face across a fold keeps its own mean."""
+    Averages remove most jumps between faces, which are errors [Hinton and Campbell 1974]. On curved sheets they also
+    remove the bending of each flat face under its own load. At a corner, a face across a fold keeps its own mean."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -134,13 +133,12 @@ class SheetStress:
 
     frame           : (m, 2, 3) two orthonormal directions of each face's plane, for the components.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
-    bending         : (m, 3 corners, 3) stress that bending adds at the bottom and subtracts at the top, 6 M / h^2, Pa.
-    smooth_membrane, smooth_bending : `vertex_averages` of both, for von Mises stress; constant stress is not averaged.
+    bending         : (m, 3 corners, 3) bending stress 6 M / h^2 at the bottom, Pa; the top has the opposite sign.
+    smooth_membrane, smooth_bending : `vertex_averages` of linear stresses; constant stresses are not averaged.
     membrane_energy : (m,) mean strain energy per area of each face, J/m2.
-    bending_energy  : (m,) energy per area from bending; the sum of both over the sheet is half of its compliance.
+    bending_energy  : (m,) mean bending energy per area of each face, J/m2.
 
-    Top and bottom belong to each face: they swap if its corners are listed in reverse. A surface with one side (a
-    Moebius strip) has no consistent choice. `largest` does not depend on the choice."""
+    Top and bottom swap if the corners of a face are listed in reverse order; `largest` does not change."""
 
     frame: Floats
     membrane: Floats
@@ -179,8 +177,7 @@ class SheetStress:
 
     @cached_property
     def von_mises(self) -> Floats:
-        """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`).
-        At a built-in edge of a plate of 16 x 16 `hhj` cells, means of faces are 25 % too small, corners 2 %."""
+        """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`)."""
         return np.stack([plane_von_mises(self.at_corners(layer)).max(axis=1) for layer in LAYERS], axis=1)
 
     @cached_property
@@ -227,7 +224,7 @@ def plane_von_mises(stress: Floats) -> Floats:
 
 def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> SheetStress:
     """Return the stress and the energy of a solved sheet.
-    answer : solution by `elements`. The von Mises stress omits the stress of the law `stvk` normal to the sheet."""
+    answer : solution by `elements`. The von Mises stress omits the normal stress of the law `stvk`."""
     surface, material, thickness, law = sheet.surface, sheet.material, sheet.thickness, sheet.law
     strain = membrane_strains(surface, answer)
     membrane = membrane_stresses(surface, material, law, elements, strain)

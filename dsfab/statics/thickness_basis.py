@@ -1,11 +1,10 @@
-"""Answers and buckling factors of a sheet at every thickness, from solves at a few thicknesses.
+"""Answers and buckling factors of a sheet at every thickness, from solves at two thicknesses.
 
 The stiffness at thickness t is K(t) = t A + t^3 B + S: membrane, bending, springs. The loads are f(t) = f0 + t f1,
-because only the weight of the sheet grows. So the answers at two thicknesses, and their derivatives by t, are a basis
-for all others: a reduced basis [Noor and Peters 1980]. Derivatives need no further factorisation: the vectors are
-(K^-1 dK/dt)^j K^-1 f [Grimme 1997]. Buckling modes and their derivatives are a second basis. Its load factors are
-never below those of the whole sheet [Rayleigh-Ritz]. Largest errors on cut vaults, if the thickest sheet has 9 times
-the least thickness: 0.1 % in displacements, 0.6 % in stresses and buckling factors (with 18 times: 1.2 %)."""
+because only the weight of the sheet grows. The answers at two thicknesses and their derivatives form a reduced
+basis [Noor and Peters 1980]. The derivatives (K^-1 dK/dt)^j K^-1 f need no further factorisation [Grimme 1997].
+Buckling modes and their derivatives are a second basis. Its factors are upper bounds [Rayleigh-Ritz].
+Largest errors on cut vaults for a ratio of thicknesses of 9: 0.1 % in displacements, 0.6 % in stresses and factors."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -32,18 +31,17 @@ from dsfab.surface import LoadCase, Surface
 INDEPENDENT = 1e-10
 """Least part of a basis vector outside the span of earlier vectors, as a fraction of it; less is a rounding error."""
 SAMPLES = (0.15, 0.85)
-"""Positions of the solved thicknesses on a logarithmic scale from the thinnest (0) to the thickest sheet (1). With
-solutions at 0 and 1, buckling factors in the middle would be wrong by 1 %."""
-DERIVATIVES = 2  # number of derivatives at each solved thickness; with one, buckling factors are wrong by 1 %
-MODES = 3  # number of each case's modes in the basis; the order of the lowest modes changes with the thickness
-CASES = 3  # number of cases with modes in the basis, those with most compression; they also serve the other cases
+"""Positions of the solved thicknesses on a logarithmic scale from the thinnest (0) to the thickest sheet (1)."""
+DERIVATIVES = 2  # Number of derivatives at each solved thickness.
+MODES = 3  # Number of modes of a case; the order of modes changes with the thickness.
+CASES = 3  # Number of cases with modes in the basis, those with most compression.
 
 
 @dataclass(frozen=True, eq=False)
 class ThicknessStiffness:
     """Stiffness t A + t^3 B and supports of a sheet of any thickness t, over the unknowns of `elements`.
     membrane : A (u, u), N/m2.     bending : B (u, u), N/m4; zero for a sheet that is solved in its plane.
-    load     : the supports.       is_held : (u,) unknowns that do not move."""
+    load     : a load with the supports.    is_held : (u,) unknowns that do not move."""
 
     surface: Surface
     elements: Elements
@@ -86,8 +84,8 @@ class ThicknessStiffness:
         return np.array([_without_negative_eigenvalues(part) for part in parts])
 
     def basis(self, vectors: Floats, thickness: float) -> Floats:
-        """Return independent vectors (u, b) that span the same space as `vectors` (u, c), orthonormal in K(thickness).
-        The projected stiffness is then near the identity, and rounding makes it singular at no thickness."""
+        """Return independent vectors (u, b), orthonormal in K(thickness), that span the same space as `vectors` (u, c).
+        With these vectors, rounding makes the projected stiffness singular at no thickness."""
         K = self.matrix(thickness)
         weight = np.sqrt(K.diagonal())  # makes metres and radians comparable
         columns = _independent_columns(vectors * weight[:, None]) / np.where(weight > 0, weight, 1.0)[:, None]
@@ -120,10 +118,11 @@ def _independent_columns(columns: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class ThicknessBasis:
     """A sheet whose answers at every thickness are known, see `from_sheet`.
-    sheet, loads : the sheet, and its loads by name at its own thickness.
-    constant, per_metre : f0 and f1 (u, k), N and N/m.           vectors : (u, b) basis of the answers.
-    reduced, modes : `projection` (3, b, b) on these vectors, and (3, s, s) on the buckling modes.
-    geometric : (b, s, s) products x_i . -K_g x_j of modes, for the stress of each vector in a sheet 1 m thick."""
+    loads     : the loads by name, at the thickness of `sheet`.
+    constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m.
+    vectors   : (u, b) basis of the answers.
+    reduced   : (3, b, b) `projection` on `vectors`.    modes : (3, s, s) `projection` on the buckling modes.
+    geometric : (b, s, s) products x_i . -K_g x_j of modes, for each vector's stress in a sheet 1 m thick."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]
@@ -141,7 +140,7 @@ class ThicknessBasis:
     ) -> Self:
         """Return the basis for the thicknesses (m) from span[0] to span[1], from a factorisation at each of `SAMPLES`.
         buckling : names of the loads whose buckling factors are wanted.
-        Raises StaticsError as `solve_statics`. For needles, other elements are used as in `solve_for`."""
+        Raises StaticsError as `solve_statics`. Needles (very thin triangles) may need other elements."""
         try:
             return cls._by_elements(sheet, loads, span, buckling, elements_of("displacement"))
         except StaticsError:

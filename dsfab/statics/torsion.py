@@ -14,14 +14,14 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""A disc touches two sides of the material if two touching points are at least this angle apart, seen from its centre.
-Nearer places belong to a kink of one side [Ma, Bae and Choi 2012]."""
+"""Least angle between two points that touch a disc on different sides of the material, seen from the disc's centre.
+Nearer points belong to a kink of one side [Ma, Bae and Choi 2012]."""
 
 
 def torsion_share(ratio: Floats) -> Floats:
-    """Return the torsional stiffness of rectangles w x h, divided by G w h^3 / 3 of thin strips. ratio : (...) w / h.
-    For w > h the result is 1 - 0.63 h / w (1 - h^4 / 12 w^4). Otherwise w and h are exchanged in this formula, and the
-    result is multiplied by w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
+    """Return the torsional stiffness of rectangles w x h, divided by G w h^3 / 3 of thin strips.
+    ratio : (...) w / h. For w > h the result is 1 - 0.63 h / w (1 - h^4 / 12 w^4). For w < h the formula has w and h
+            exchanged, and a factor w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
     ratio = np.maximum(ratio, 0.01)  # K with narrower ribs cannot be solved accurately
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)
@@ -57,8 +57,7 @@ def rib_shape(surface: Surface) -> RibShape:
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:
     """Return radii (k,) of the largest empty discs that touch the border in points (k, 3) from the inner side.
-    Small discs grow until they contain another point, and shrink until they are empty [Ma, Bae and Choi 2012]. To begin
-    with discs as large as the surface would take ten times longer, because their centres are far from all points."""
+    Small discs grow until they contain another point, then shrink until they are empty [Ma, Bae and Choi 2012]."""
 
     def blocked(discs: Ints) -> tuple[Bools, Floats]:
         p, n, r = points[discs], inward[discs], radius[discs]
@@ -67,7 +66,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         high = np.einsum("kx,kx->k", n, offset)
         shorter = np.einsum("kx,kx->k", offset, offset) / np.maximum(2 * high, np.finfo(float).tiny)
         opening = np.arccos(np.clip(1 - high / np.maximum(shorter, np.finfo(float).tiny), -1, 1))
-        # a disc counts as empty if the border reaches into it by less than a thousandth of its radius
+        # points that lie deeper than a thousandth of the radius block a disc
         return (away < (1 - 1e-3) * r) & (high > 0) & (shorter < r) & (opening > APART), shorter
 
     radius = np.full(len(points), min(small, largest))
@@ -87,8 +86,8 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
     """Return the negative stiffness, over the unknowns of `elements`, that makes ribs twist as softly as bars.
-    Let a be the direction along a rib, b across it, and t . kappa = 2 kappa_ab the twist. On each face the matrix D
-    loses (1 - share) D_66 t t^T. Raises ValueError for bending that is neither `hhj` nor `midedge`."""
+    On each face D loses (1 - share) D_66 t t^T, where t . kappa = 2 kappa_ab is the twist, a the direction along the
+    rib and b the direction across it. Raises ValueError for bending that is neither `hhj` nor `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
         raise ValueError(f"{elements}: only hhj and midedge bending can reduce the torsion of ribs")
     share = torsion_share(ribs.widths / sheet.thickness)

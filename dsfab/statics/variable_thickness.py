@@ -1,7 +1,7 @@
 """The stiffest sheet of varying thickness, in which no face is thicker than the whole sheet.
 
-The stiffness is proportional to the thickness, so the problem is convex: the result does not depend on the start
-[Cheng, Olhoff 1981; Petersson 1999]. No sheet of the same area with openings is stiffer on the same mesh."""
+The problem is convex, so the result does not depend on the start [Cheng, Olhoff 1981; Petersson 1999].
+No sheet of the same area with openings is stiffer on the same mesh."""
 
 from typing import NamedTuple
 
@@ -23,9 +23,9 @@ SETTLED, MOVE, STEPS = 0.01, 0.2, 40
 
 class VaryingSheet(NamedTuple):
     """A sheet of varying thickness.
-    thickness  : (m,) ratio to the thickness of the whole sheet, 0 to 1.
-    compliance : joules, sum over the loads times their weights, by constant strain and mid-edge bending.
-    forces     : for each load (m, 3, 3) membrane forces, N/m, symmetric and tangent to each face."""
+    thickness  : (m,) fraction of the whole sheet's thickness, 0 to 1.
+    compliance : weighted sum of the loads' compliances, joules, by constant strain and mid-edge bending.
+    forces     : (m, 3, 3) membrane forces, N/m, for each load, symmetric and tangent to each face."""
 
     thickness: Floats
     compliance: float
@@ -34,7 +34,7 @@ class VaryingSheet(NamedTuple):
 
 def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats, share: float) -> VaryingSheet:
     """Return the stiffest sheet whose mean thickness is the fraction `share` of the sheet's thickness.
-    weights : (k,) factors of the loads' compliances in the sum to minimise.
+    weights : (k,) factors of the loads' compliances in the minimised sum.
     Raises StaticsError for a sheet without sufficient supports, or a load on a vertex without faces."""
     surface = sheet.surface
     K = FaceStiffness.from_sheet(sheet, loads)

@@ -1,4 +1,4 @@
-"""Verification of the elements by structures with known answers, on three meshes or more for each pair of elements.
+"""Verification of the elements by structures with known answers, on at least three meshes.
 
 Each kind of tests has a file. A test (`Test`) has a mesh, a load, and a value with its reference."""
 

@@ -26,8 +26,8 @@ def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectang
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """Return the offsets (k,), along the beam, of the upper ends of mesh lines at stations (k,) from 0 to 6.
-    Lines of trapezoids lean to alternate sides, lines of parallelograms to one side; both end lines stay upright."""
+    """Return offsets (k,), along the beam, of the upper ends of mesh lines at stations (k,) from 0 to 6.
+    Lines of trapezoids lean to alternate sides, lines of parallelograms to one side. Both end lines are upright."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
         lines[1::2] = -1.0
@@ -57,8 +57,8 @@ BENT_WIDTH = 0.2
 
 def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
     """Return a strip 0.2 wide, bent into a quarter circle of radius 1, with a force on its free end along the radius.
-    slenderness : radius / thickness, R / h. The strip bends without stretching; membranes that lock cannot do so.
-    Without Poisson effect, beam theory is exact."""
+    Membranes that lock cannot bend the strip without stretching. Beam theory is exact without Poisson effect.
+    slenderness : radius divided by thickness."""
     uv, F = square(8 * cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
     V = np.stack([np.sin(turn), BENT_WIDTH * uv[:, 1], np.cos(turn)], axis=1)
@@ -72,7 +72,7 @@ def bent_strip_tip(slenderness: float) -> float:
 
 def raasch_hook(cells: int, mesh: Mesh) -> Problem:
     """Return a strip 20 x 2 with a bend of 60 degrees at radius 14 and a reverse bend of 150 degrees at radius 46.
-    A load pushes its end along its width."""
+    A load along the width acts on its end."""
     uv, F = square(9 * cells, cells, mesh)
     turn = np.radians(210 * uv[:, 0])
     first_arc = np.minimum(turn, np.pi / 3)
@@ -87,10 +87,10 @@ HOOK = 5.022
 5.02201 by extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl."""
 
 EDGES_OF_STRIP = 0.63 * 2 / 20
-"""Loss of torsional stiffness at the edges of a strip of width b and thickness t: b t^3 / 3 (1 - .63 t / b) remains
-[de Saint Venant]. Shear across the thickness causes the loss; theories of thin sheets do not have this shear."""
+"""Loss of torsional stiffness of a strip of width b and thickness t: b t^3 / 3 (1 - .63 t / b) remains [de Saint
+Venant]. Theories of thin sheets lack the shear across the thickness that causes this loss."""
 
-IN_TORSION = 0.9899  # Fraction of torsion in the strain energy of the hook as a curved beam; the rest: bending, shear.
+IN_TORSION = 0.9899  # Fraction of torsion in the strain energy of the hook as a curved beam.
 
 STRIP = (
     "curved beam theory with a thin strip's torsion constant b t^3 / 3 (MacNeal and Harder's 0.5022 is for the true "
@@ -99,7 +99,7 @@ STRIP = (
 
 
 def _curved_strip() -> float:
-    """Return the movement of a quarter ring under a load normal to its plane [Timoshenko 1955]:
+    """Return the displacement of a quarter ring under a load normal to its plane [Timoshenko 1955]:
     P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J))."""
     young, poisson, radius, width, thickness = 1e7, 0.25, 4.22, 0.2, 0.1
     bending = young * width * thickness**3 / 12
@@ -108,7 +108,7 @@ def _curved_strip() -> float:
 
 
 def _curved_plane() -> float:
-    """Return the movement of a quarter ring's free end along a unit shear force, in plane stress, in closed form:
+    """Return the displacement of a quarter ring's free end along a unit shear force, in plane stress:
     pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]"""
     a, b, young, thickness = 4.12, 4.32, 1e7, 0.1
     squares = a**2 + b**2

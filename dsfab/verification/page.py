@@ -30,7 +30,7 @@ COLOURS = ("#c0653c", "#3d7fc4", "#2c9a62", "#9a6fc0", "#b0892a", "#c0507f")
 
 PUBLISHED, SUPPORT, LOAD = "#8d8d8d", "#2c9a62", "#c0653c"
 MARKS = "xd+^v*sp<>hDPX"
-INK, FAINT = "#010203", "#040506"  # The page replaces these colours by its own colours for text and faint lines.
+INK, FAINT = "#010203", "#040506"  # Marks for the page's own colours of text and faint lines.
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:

@@ -27,8 +27,7 @@ from dsfab.verification.problems import (
 
 
 def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> Floats:
-    """Return the membrane stress (m, 3 corners, 3, 3) in plane stress, Pa, tangent to each face.
-    The stress of `quadratic` and `hybrid` membranes is linear on a face; constant strain gives equal corners."""
+    """Return the membrane stress (m, 3 corners, 3, 3) in plane stress, Pa, tangent to each face."""
     strain = membrane_strains(surface, answer)
     planar = membrane_stresses(surface, material, "plane_stress", answer.elements, strain)
     t = tangents(surface)
@@ -58,8 +57,8 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
 
 
 def cook(cells: int, mesh: Mesh) -> Problem:
-    """Return a tapered panel 48 long, from 44 to 16 high, sheared by a unit force; value: movement of its end's
-    middle vertex. `diagonal` halves cells along the short diagonal, like published triangles."""
+    """Return a tapered panel 48 long, from 44 to 16 high, under a unit shear force.
+    The value is the displacement of the middle vertex of its end. `diagonal` halves cells along the short diagonal."""
     uv, F = square(cells, cells, mesh)
     if mesh == "diagonal":
         uv, F = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1), F[:, ::-1]
@@ -71,8 +70,8 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x. Tractions of
-    Kirsch's solution act on the outer edge. The value is the largest stress at the hole's edge, exactly 3."""
+    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x.
+    Tractions of Kirsch's solution act on the outer edge. The value is the largest stress at the hole, exactly 3."""
     uv, F = square(cells, cells, mesh)
     radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # this makes cells as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
@@ -91,7 +90,7 @@ def kirsch_stress(x: Floats, y: Floats) -> Floats:
 
 def elliptic_membrane(cells: int, mesh: Mesh) -> Problem:
     """Return NAFEMS LE1: a quarter of a sheet between two ellipses, 0.1 m thick, pulled by 10 MPa on its outer edge.
-    The value is the stress along the inner edge at the end of its long axis, Pa."""
+    The value is the stress, Pa, along the inner edge at the end of its long axis."""
     uv, F = square(cells, cells, mesh)
     turn, out = np.pi / 2 * uv[:, 0], uv[:, 1]
     V = np.stack([(2 + 1.25 * out) * np.cos(turn), (1 + 1.75 * out) * np.sin(turn), 0 * out], axis=1)
@@ -109,8 +108,8 @@ def quarter(
 ) -> Problem:
     """Return a quarter of a sheet with a hole: u = 0 lies on the x axis, u = 1 on the y axis, v = 0 on the hole.
 
-    stress : (x, y) -> (..., 2, 2) Pa, whose tractions act on the outer edge v = 1.
-    target : (end, component): the value is this component of the stress at the edge of the hole, at u = end."""
+    stress : (x, y) -> (..., 2, 2) stress, Pa, whose tractions act on the outer edge v = 1.
+    target : (u, component) of the value, a stress at the edge of the hole."""
     end, component = target
     surface = Surface(V, F)
     outer = edges_on(surface, is_at(uv[:, 1], 1.0))

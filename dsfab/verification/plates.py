@@ -52,7 +52,7 @@ SKEWED = Material(young=1085.0, poisson=0.31)
 
 def skew_plate(cells: int, mesh: Mesh) -> Problem:
     """Return a rhombus with sides of 100 and an angle of 60 degrees, .1 thick, simply supported on two opposite sides.
-    The value is the deflection of its centre times 100 D / (q a^4)."""
+    The value is 100 D / (q a^4) times the deflection of its centre."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(100 * np.stack([uv[:, 0] + uv[:, 1] / 2, np.sqrt(3) / 2 * uv[:, 1], 0 * uv[:, 0]], axis=1), F)
     ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)

@@ -99,8 +99,10 @@ def _on_sphere(points: Ints, cells: int) -> Floats:
 class Problem:
     """One mesh of one test: structure, loads, and the value to compare.
 
-    fixed   : (n, 3) fixed directions.                clamped : (e,) edges that cannot rotate (built in, or symmetry).
-    force   : (n, 3) concentrated loads, newtons.       face, edge : loads per area (m, 3), per length (e, 3).
+    fixed   : (n, 3) fixed directions.
+    clamped : (e,) edges that cannot rotate (built in, or symmetry).
+    force   : (n, 3) concentrated loads, newtons.
+    face    : (m, 3) loads per area.    edge : (e, 3) loads per length.
     value   : function that returns the value from an equilibrium.
     modes   : function that returns the value from elements, for eigenvalue problems; else None."""
 
@@ -152,7 +154,7 @@ class Problem:
 
     def nodal_unknowns(self) -> int:
         """Return the number of free unknowns of usual elements: three displacements and two rotations at each vertex.
-        A vertex of a clamped edge loses one rotation, a built-in vertex both; a sheet in its plane has no rotations."""
+        A vertex of a clamped edge loses one rotation, a built-in vertex two. A sheet in its plane has no rotations."""
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True
@@ -180,12 +182,12 @@ class Test:
     about     : description of the structure in a line.
     problem   : (cells, mesh) -> Problem, with `cells` along the refined side.
     cells     : numbers of cells, coarse to fine.      meshes : mesh patterns.
-    within    : tolerance, if it differs from that of the quantity.
-    targets   : largest allowed relative error by number of cells, for dsfab's pair of elements for displacements.
+    within    : tolerance; None for the tolerance of the quantity.
+    targets   : largest allowed relative error of the elements for displacements, by number of cells.
     limit     : value to which thin sheets converge, if it is not `reference`; targets refer to it.
     quantity  : kind of value, which decides the tolerance.
-    beyond    : effect, in words, that the reference includes and thin sheets lack; then the value must meet `limit`.
-    outside   : (cells, mesh) -> unknowns and value by another program; None if that program is not installed."""
+    beyond    : effect in the reference that thin sheets lack, in words; then the value must meet `limit`.
+    outside   : (cells, mesh) -> unknowns and value by another program; None without this program."""
 
     __test__ = False  # pytest would collect a class with this name
 
@@ -240,7 +242,7 @@ def tip_loaded(
     uv: Floats, F: Ints, V: Floats, material: Material, thickness: float, force: tuple[float, float, float]
 ) -> Problem:
     """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force spread along its end u = 1.
-    The value is the movement of that end along the force."""
+    The value is the displacement of the end u = 1 along the force."""
     surface = Surface(V, F)
     root, tip = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0)
     end = edges_on(surface, tip)

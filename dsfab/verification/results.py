@@ -18,13 +18,12 @@ class VerificationRow:
 
     unknowns : number of free unknowns.
     ratio    : value / reference; `ratio` and `value` are None if the elements cannot clamp the edges of the test.
-    rate     : observed order of convergence from this mesh and the two coarser ones, without the reference; None on
-               the first two meshes, and if rounding dominates. Jittered meshes are not nested, so their rate is rough.
-    verdict  : `ok`: within the tolerance of the test. `coarse`: outside, but the finest mesh is within. `off`:
-               outside, and so is the finest mesh. `theory`: the finest mesh is off, but meets the limit of thin sheets
-               (`Test.beyond`). `not run`: the test clamps edges, and hinges have no rotations. `refused`: the solver
-               rejected its own answer, because the sheet is too thin for sixteen digits.
-    target   : largest allowed relative error on this mesh, for the pair for displacements; None without a target.
+    rate     : observed order of convergence from this mesh and the two coarser meshes; None on the first two meshes,
+               and if rounding dominates.
+    verdict  : `ok`: within the tolerance of the test. `coarse`: outside, but the finest mesh is within. `off`: outside,
+               like the finest mesh. `theory`: the finest mesh is off, but meets the limit of thin sheets. `not run`:
+               the test clamps edges, and hinges have no rotations. `refused`: the sheet is too thin for the solver.
+    target   : largest allowed relative error on this mesh; None without a target.
     met      : True if the error is below the target.
     limit    : reference of the target, if it is not `reference`; see `Test.limit`.
     of_limit : value / limit."""
@@ -143,10 +142,9 @@ class Publication:
 class Published:
     """One published value, divided by the reference of its source.
 
-    cells    : number of cells of this test's mesh (a whole roof has twice the cells of its quarter); None if the
-               source has only a `note`, such as "coarse mesh".
-    unknowns : number in the source's mesh, if no mesh of the test equals it; `cells` then belongs to the next coarser
-               mesh of the test. None: both meshes are equal."""
+    cells    : number of cells of this test's mesh; None if the source has only a `note`, such as "coarse mesh".
+    unknowns : number of unknowns of the source's mesh; None if it equals the test's mesh. With a number, `cells`
+               belongs to the next coarser mesh of the test."""
 
     test: str
     element: str
@@ -191,7 +189,7 @@ Ratios = dict[str, tuple[float, ...]]
 SHAPES = ("", "_parallelograms", "_trapezoids")
 
 STRAIGHT_BEAMS: tuple[tuple[Publication, str, tuple[float, ...], tuple[float, ...]], ...] = (
-    # two tuples hold the ratios on three shapes of cells: for loads in the plane, and for loads normal to it
+    # ratios on three shapes of cells, for loads in the plane, and for loads normal to the plane
     (STRAIGHT, "OptiStruct TRI3", (0.032, 0.012, 0.019), (0.973, 0.955, 0.965)),
     (STRAIGHT, "OptiStruct QUAD4", (0.992, 0.712, 0.173), (0.981, 0.981, 0.964)),
     (STRAIGHT, "OptiStruct TRI6", (0.994, 0.962, 0.972), (1.001, 0.995, 0.999)),
@@ -229,7 +227,7 @@ REFINED: tuple[tuple[str, Publication, tuple[int, ...], Ratios], ...] = (
 )
 
 TWISTED_BEAMS: tuple[tuple[Publication, Ratios, str], ...] = (
-    # each pair holds the ratios for loads along the tip's width, and normal to it
+    # ratios for a load along the width of the tip, and for a load normal to the width
     (TWISTED, {"OptiStruct TRI3": (0.984, 0.839), "OptiStruct QUAD4": (0.992, 0.988)}, "12 x 2, assumed"),
     (HARDER, {"NASTRAN QUAD4": (0.993, 0.985)}, "12 x 2"),
 )
@@ -273,11 +271,11 @@ Outcome = Literal["better", "alike", "worse", "unknown"]
 class Standing:
     """One published value beside dsfab's pair of elements for displacements.
 
-    unknowns : number in the published mesh; None if the source does not tell it.
-    ours     : relative error of dsfab's pair: the largest of all regular patterns, on this mesh and on finer meshes,
-               which excludes luck. None without a comparable mesh.
-    basis    : `unknowns`: our error is interpolated to as many unknowns, or belongs to our finest mesh if that has
-               fewer. `cells`: our error belongs to the same cells, because all our meshes have more unknowns.
+    unknowns : number in the published mesh; None if unknown.
+    ours     : largest relative error of dsfab's pair on all regular patterns, on this mesh and finer meshes; None
+               without a comparable mesh.
+    basis    : `unknowns`: our error is interpolated to as many unknowns, or belongs to our finest mesh. `cells`: our
+               error belongs to the same cells, because all our meshes have more unknowns.
     outcome  : result of the comparison: our error is better than, like, or worse than the published error."""
 
     published: Published
@@ -340,7 +338,7 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
     if unknowns is None or not ours:
         return Standing(published, unknowns, None, "", "unknown")
     sizes, errors = np.array(list(ours.values())).T
-    # a value may pass through the reference before it converges, so errors on finer meshes count, too
+    # errors on finer meshes count, because a value may pass through the reference before it converges
     errors = np.maximum.accumulate(errors[::-1])[::-1]
     theirs = abs(published.ratio - 1)
     if unknowns >= 0.8 * sizes[0]:  # up to a fifth fewer unknowns count as equal

@@ -38,7 +38,7 @@ def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
 
 def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter of a hemisphere with a hole of 18 degrees: radius 10, 0.04 thick.
-    Forces of 2 act inwards and outwards at the rim; each of the quarter's two corners takes half of a force."""
+    Forces of 2 act inwards and outwards at the rim; the quarter has half of two of them."""
     uv, F = square(cells, cells, mesh)
     turn, polar = np.pi / 2 * uv[:, 0], np.radians(18 + 72 * uv[:, 1])
     V = 10 * np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
@@ -64,7 +64,7 @@ def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
 
 def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     """Return NAFEMS LE3: an octant of a sphere, radius 10 m, 40 mm thick, with 2 kN outwards and 2 kN inwards.
-    The octant represents a closed hemisphere that is fixed at its pole. The single pattern is a grid of triangles."""
+    The octant represents a closed hemisphere, fixed at its pole. The only mesh pattern is a grid of triangles."""
     V, F = octant(cells)
     surface = Surface(10 * V, F)
     x0, y0, z0 = (np.abs(V[:, axis]) < 1e-9 for axis in range(3))
@@ -89,7 +89,7 @@ def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
 def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
     """Return a tube 2 m long with free ends; supports at four vertices of one end prevent only rigid motions."""
     uv, F = square(cells, cells // 2, mesh)
-    # the last line of vertices is the first line, because the tube is closed around
+    # the last line of vertices is the first line of the closed tube
     F = np.where(cells * (cells // 2 + 1) <= F, F - cells * (cells // 2 + 1), F)
     uv = uv[uv[:, 0] < 1 - 1e-9]
     turn = 2 * np.pi * uv[:, 0]
@@ -115,9 +115,8 @@ TESTS = [
         "barrel vault on stiff end walls under its own weight: sag of the middle of its free edge",
         scordelis_lo,
         targets={8: 0.015, 16: 0.008},
-        # 0.3024 is MacNeal and Harder's choice between 0.3086 (shallow shell, Scordelis and Lo 1964) and results of
-        # elements in 1985. The limit is that of deep Kirchhoff-Love shells: quintic NURBS of 64 knot spans by Kiendl,
-        # Bletzinger, Linhard and Wuechner 2009 (CMAME 198, 3902-3914), listed in FinEtoolsFlexStructures.jl.
+        # 0.3024 lies between 0.3086 (shallow shell, Scordelis and Lo 1964) and results of elements in 1985.
+        # deep Kirchhoff-Love shells [Kiendl, Bletzinger, Linhard and Wuechner 2009, CMAME 198, 3902-3914]
         limit=0.300592,
     ),
     fine_shell(

@@ -16,8 +16,8 @@ THICKNESS = 0.05
 
 PLATE_HERTZ = (0.421, 1.029, 2.582, 3.306, 3.753, 6.555)
 """Frequencies of FV16 [Abbassian, Dawswell and Knowles 1987, Selected benchmarks for natural frequency analysis,
-NAFEMS R0015], as Altair OptiStruct's verification problem OS-V 0430 lists them. Barton computed them in 1951 by a Ritz
-method with few terms. All pairs of elements converge to values .5 to 1 % lower, for example 3.471 instead of 3.494."""
+NAFEMS R0015], as Altair OptiStruct's verification problem OS-V 0430 lists them.
+The source is a Ritz method with few terms [Barton 1951]; elements converge to values .5 to 1 % lower."""
 
 MEMBRANE_HERTZ = (44.623, 130.03, 162.70, 246.05, 379.90, 391.44)
 """Frequencies of FV32 in the same report, as ENERCALC 3D's verification problem F-03 lists them."""
@@ -58,14 +58,13 @@ CLASSICAL = 1 / np.sqrt(3 * (1 - TUBE.poisson**2))
 """Buckling load N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908]."""
 WAVE = np.pi * np.sqrt(TUBE_WALL) / (12 * (1 - TUBE.poisson**2)) ** 0.25
 """Half wavelength of the buckling rings of a tube of radius 1, and the length of the tube.
-In so short a tube the lowest modes are rings; modes with waves around the tube have loads within 1 %. A longer tube
-buckles like a chessboard with few waves around. There the theory of shallow shells gives .605, too, which is 4 % too
-high for six waves. By these elements a tube of three half waves converges to .952 of .605, and its rings to .991."""
+The lowest modes of so short a tube are rings. A longer tube has modes with few waves around, for which the theory of
+shallow shells is 4 % too high."""
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter of a tube pressed along its axis, on simple supports at its ends; the value is N R / (E t^2).
-    Before buckling the ends can widen, so that the stress is uniform; for the buckling modes they keep their radius."""
+    The ends can widen before buckling, so that the stress is uniform. They are fixed for the buckling modes."""
     uv, F = square(cells, 2 * max(1, round(cells * WAVE / np.pi)), mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([np.cos(turn), np.sin(turn), WAVE * uv[:, 1]], axis=1), F)

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
 
-UNSET = 'PYTHON = ""'  # Text of the add-on that `addon` replaces by the path of the Python that has dsfab.
+UNSET = 'PYTHON = ""'  # Line of the add-on that `addon` replaces by the path of a Python with dsfab.
 
 
 def addon(python: str) -> str:

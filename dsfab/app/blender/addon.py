@@ -1,7 +1,7 @@
 """dsfab in Blender: an add-on that builds a structure from the active object's mesh and shows its solid and members.
 
-`dsfab blender` writes this file. Install it in Preferences > Add-ons > Install from Disk; its panel is in the sidebar
-(N) of the 3D view. dsfab runs as a separate program, with the Python that the add-on's preferences name."""
+`dsfab blender` writes this file. Install it in Preferences > Add-ons > Install from Disk. Its panel is in the sidebar
+(N) of the 3D view. dsfab runs as a separate program, with the Python in the add-on's preferences."""
 
 import os
 import re
@@ -25,7 +25,7 @@ bl_info = {
 }
 
 PYTHON = ""  # Path of the Python that has dsfab; empty for Blender's own Python.
-MADE_OF = "dsfab_source"  # Property that marks our objects and collections, with the name of the source object.
+MADE_OF = "dsfab_source"  # Property of results, with the name of the source object.
 WITH_FACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}  # Types of objects that Blender can turn into a mesh.
 
 

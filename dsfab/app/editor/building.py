@@ -40,11 +40,11 @@ class EditorBuild:
 
 @dataclass(frozen=True)
 class BuildRequest:
-    """A request to build a preset; unchanged stages of the design `old` are used again.
-    picture : whether to draw a picture too.
-    mesh    : mesh file of the page; dsfab copies it to the built files, and the written preset names the copy.
+    """A request to build a preset.
+    old     : design whose unchanged stages are used again.    picture : True for a picture, too.
+    mesh    : mesh file of the page; the build copies it, and the written preset names the copy.
     only    : a single format as in `dsfab export --to`; '' for all files of a build.
-    before  : folder of an earlier build, whose design is used again if its preset is equal."""
+    before  : folder of an earlier build, whose design is used again for an equal preset."""
 
     preset: Preset
     old: Design | None = None
@@ -128,7 +128,7 @@ class BuilderError(RuntimeError):
 
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
     """Run `build_files`, or `export_file` for a single format, in another process, and raise its errors.
-    After a cancellation it raises Cancelled within a fraction of a second. After any error it removes the folder."""
+    A cancellation raises Cancelled within a fraction of a second. Errors remove the folder."""
     message = pickle.dumps((request, str(folder)), protocol=5)
     try:
         with (

@@ -16,15 +16,15 @@ from dsfab.surface import Surface
 @dataclass(frozen=True)
 class Control:
     """A control for a single key of a preset.
-    kind            : number, whole (a whole number), choice, switch, length (metres), words (a list of words), size
-                      (three lengths) or material (a choice that sets further keys).
-    low, high, step : range of the slider; the number field beside the slider accepts every valid value of the key.
-    log             : whether the slider is logarithmic.
-    live            : whether the page draws a change without the server; otherwise the server solves the change.
-    word            : word that the key accepts in place of a number ("auto", "off").
-    worth           : number that the word stands for; None if the key keeps the word.
-    method          : the only pattern.method that has this control; '' for all.
-    instead         : spacing of evenly spaced stripes that the value 0 stands for, metres."""
+    kind    : number, whole (a whole number), choice, switch, length (metres), words (a list of words), size (three
+              lengths) or material (a choice that sets further keys).
+    low, high, step : range of the slider; the number field beside it accepts every valid value of the key.
+    log     : True for a logarithmic slider.
+    live    : True if the page draws a change without the server.
+    word    : word that the key accepts in place of a number ("auto", "off").
+    worth   : number that the word stands for; None if the key keeps the word.
+    method  : the only pattern.method that has this control; '' for all.
+    instead : spacing of evenly spaced stripes that the value 0 stands for, metres."""
 
     group: str
     key: str

@@ -45,8 +45,8 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return facts and arrays of a draft: surface, fields of the stripes, statics, and marks of loads and supports.
-    V (n, 3), metres, F (m, 3) and their fields belong to the mesh of the stripes (see `StripedMesh`). If this mesh is
-    not the surface, loops, loads and supports refer to the vertices `uncut` (k, 3) of the surface."""
+    V (n, 3), metres, F (m, 3) and their fields belong to the mesh of the stripes (`StripedMesh`). Marks and loops refer
+    to the vertices `uncut` (k, 3) of the surface if this mesh is not the surface."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)
@@ -92,8 +92,9 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return facts about the pattern, and arrays (n, 2), a column for each family of stripes.
-    half: half the width of a stripe, in periods of its wave. slope: stripes per metre; for modes, at frequency 1.
-    shares, for evenly spaced stripes: the half-width at a vertex, divided by the mean half-width."""
+    half   : half the width of a stripe, in periods of its wave.
+    slope  : stripes per metre; for modes, at frequency 1.
+    shares : half-width at a vertex, divided by the mean half-width; for evenly spaced stripes."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
     facts = {
@@ -194,8 +195,9 @@ def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
     """Return the arrays of a cut sheet with k vertices and m faces; families share no vertices.
 
     V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) edges of the outlines.
-    tint : (k,) 0 major family, 1 minor family, 2 other material.    normals : (k, 3) unit, of the uncut surface.
-    corners, shares : (k, 3) each; vertices of the face in the mesh of the stripes, and barycentric weights in it."""
+    tint    : (k,) 0 major family, 1 minor family, 2 other material.
+    normals : (k, 3) unit normals of the uncut surface.
+    corners : (k, 3) corners of a face in the mesh of the stripes.    shares : (k, 3) barycentric weights."""
     surface, striped_surface = sheet.surface, StripedMesh.from_design(draft).surface
     tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in draft.pattern.names])
     tint = np.repeat(tints[sheet.family], 3)
@@ -227,8 +229,8 @@ def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[S
 
 def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
     """Return measures of a cut sheet for JSON: square metres, kilograms, pieces, and widths in metres.
-    under      : whether the narrowest member is narrower than the least width.
-    bars_under : for each bar of the histogram of widths, True if the bar is below the least width."""
+    under      : True if the narrowest member is narrower than the least width.
+    bars_under : True for each bar of the histogram of widths that is below the least width."""
     preset, sheet = draft.preset, cut.sheet.surface
     solved = draft.statics.answers.equilibrium
     member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)

@@ -63,7 +63,7 @@ class EditorJob:
 
 
 log = logging.getLogger(__name__)
-CANCEL_SECONDS = 0.5  # The editor abandons a cancelled job whose thread does not end within this time.
+CANCEL_SECONDS = 0.5  # Time for the thread of a cancelled job to end.
 
 
 class Jobs:

@@ -21,8 +21,7 @@ def edit(target: Design | Preset | str | Path = "dome", /, *, height: int = 640)
         editor.changes = {"pattern.major.frequency": 12.0}  # the page follows; sliders change it too
         design = dsfab.run(editor.preset)                   # the design on the page
 
-    target : a preset, the name of a shipped preset, the path of a TOML or mesh file, or a design or draft, whose stages
-             are not solved again.
+    target : a preset, the name of a shipped preset, the path of a TOML or mesh file, or a solved design or draft.
     height : height of the widget, pixels.
     Raises DsfabError for another target, and without the package anywidget."""
     try:

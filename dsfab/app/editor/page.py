@@ -38,7 +38,7 @@ def static_files() -> dict[str, bytes]:
 
 def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
     """Return index.html with the token of this run, and a security policy (CSP) that allows only files of this server.
-    The page requests all modules at once; otherwise each import would wait for another import."""
+    Links to all modules save time, because the page then requests all of them at once."""
     nonce = secrets.token_urlsafe(12)
     policy = (
         f"default-src 'none'; script-src 'self' 'nonce-{nonce}'; style-src 'self'; connect-src 'self'; "
@@ -53,8 +53,8 @@ def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
 def widget_module() -> str:
     """Return the whole page as one module for anywidget: widget.js with all other files packed into it.
 
-    Relative imports do not work in a packed module: './x.js' becomes 'dsfab/x.js', a name of the page's import map
-    [HTML Standard]. The notebook's transport module takes the name of the server's transport module."""
+    Imports of './x.js' become imports of 'dsfab/x.js', because a packed module has no relative imports [HTML Standard].
+    The notebook's transport module takes the name of the server's transport module."""
     texts = {name: content.decode() for name, content in static_files().items()}
     modules = {name: text for name, text in texts.items() if name.endswith(".js") and name != WIDGET}
     modules[HTTP] = modules.pop(NOTEBOOK)

@@ -1,7 +1,7 @@
 """HTTP server of the editor, for this machine alone; it needs only the standard library.
 
 A page of another site can make a browser send requests to this server. So every request must name this server as its
-host and carry the token of this run. A request from a page must come from the editor's page. A POST must have JSON."""
+host, and carry the token of this run. A request from a page must come from the editor's page. A POST must have JSON."""
 
 import hmac
 import json
@@ -19,7 +19,7 @@ from dsfab.core.errors import DsfabError
 
 log = logging.getLogger(__name__)
 LOOPBACK = "127.0.0.1"
-LARGEST = 96 * 2**20  # Largest number of bytes of a request, enough for a mesh of a million triangles.
+LARGEST = 96 * 2**20  # Largest request in bytes, for a mesh of a million triangles.
 NO_ADDRESS = HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
 
 

@@ -55,8 +55,8 @@ class SessionView:
 
 class Session:
     """The open preset, its last draft, and the files of builds; use as `with Session(opened)`.
-    drafted : a draft of the first preset, which the page shows at once.
-    outputs : folder of builds and its name; with None, builds go into a temporary folder of the session."""
+    drafted : draft of the first preset, which the page shows at once.
+    outputs : folder of builds and its name; None for a temporary folder of the session."""
 
     def __init__(self, opened: OpenedPreset, drafted: Design | None = None, outputs: Outputs | None = None) -> None:
         self.jobs = Jobs()
@@ -124,8 +124,8 @@ class Session:
             return {**(self.start() if is_open else self._set_opened(variant.opened)), "changes": dict(variant.changes)}
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
-        """Start a job that opens a mesh file from the page; `data` is its content in base64. Raises DsfabError.
-        Another process reads the mesh, so that the user may cancel."""
+        """Start a job that opens a mesh file from the page in another process. Raises DsfabError.
+        data : content of the file in base64."""
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
             raise DsfabError(
@@ -160,7 +160,7 @@ class Session:
         return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
-        """Return the command of the build, and the place of its preset file if the session has saved this file.
+        """Return the command of the build, and the path of its preset file if the session has saved this file.
         `save` is True if the page must offer the preset file to the user."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
@@ -183,7 +183,7 @@ class Session:
 
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
         """Start a job that writes the files of a build, or return a question if files exist and `replace` is false.
-        only : a single format as in `dsfab export --to`. Raises ExportError for a format that is not available."""
+        only : a single format as in `dsfab export --to`. Raises ExportError for an unavailable format."""
         opened = self.current_preset
         preset = opened.preset_with(changes)
         if only:

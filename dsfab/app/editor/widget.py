@@ -21,7 +21,7 @@ class Editor(anywidget.AnyWidget):
     """A preset that the user changes by the mouse and by Python.
 
     changes : differences from the open preset, by dotted keys; assign a new dict. Raises PresetError.
-    view    : sides, colours and layers of the page, in the page's own format.
+    view    : sides, colours and layers of the page, in the format of the page.
     height  : height of the widget, pixels."""
 
     changes = traitlets.Dict().tag(sync=True)

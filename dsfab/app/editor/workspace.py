@@ -24,7 +24,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 class Outputs:
-    """Folders of builds in `home`, one for each name. The page sends names only, so that it cannot write elsewhere.
+    """Folders of builds in `home`, one for each name. The page sends names only, so it cannot write elsewhere.
     label : name of `home` for the user and on a command line; '' for the session's temporary folder."""
 
     def __init__(self, home: Path, shown: str = "") -> None:
@@ -90,7 +90,7 @@ MATERIAL = "statics.material"  # Key whose value decides the thickness in a prop
 class OpenedPreset:
     """A preset and its origin.
     words   : words of the command line after `dsfab build`; empty for a preset that only the page has.
-    mesh    : the user's name for a mesh file from the page; the file on this machine is a copy.
+    mesh    : the user's name for a mesh file from the page, of which this machine has a copy.
     decided : decisions of `dsfab new` for a mesh."""
 
     preset: Preset
@@ -172,7 +172,7 @@ def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outp
 
 
 def open_preset(target: str, source: Source = UNCHANGED) -> OpenedPreset:
-    """Open a shipped preset by its name, or a preset file or mesh file by its path, as `dsfab build` does.
+    """Open a shipped preset by its name, or a preset file or mesh file by its path, like `dsfab build`.
     source : changes of the command line.
     Raises DsfabError for another target, and for a preset without its mesh."""
     proposal = source.proposal(target)

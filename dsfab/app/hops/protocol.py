@@ -1,7 +1,7 @@
 """Protocol of Hops, Grasshopper's client for components [McNeel's server `ghhops-server`, MIT].
 
-A component has inputs and outputs. A request has lists of values for each input; each value has a .NET type and its
-JSON text. The answer has the same form."""
+A component has inputs and outputs. Requests and answers have a list of values for each input or output. Each value
+has a .NET type and its JSON text."""
 
 import json
 import math
@@ -88,7 +88,7 @@ class HopsComponent:
 
 @dataclass(frozen=True)
 class HopsRequest:
-    """Values by parameter name; None stands for a missing value. A mesh is a `TriangleFile`, a point is three numbers.
+    """Values by parameter name; None for a missing value. A mesh is a `TriangleFile`, a point is three numbers.
     unit : unit of all lengths, such as 'mm'.    key : text that is equal for equal requests."""
 
     values: Mapping[str, Any]
@@ -109,9 +109,7 @@ def read_request(component: HopsComponent, body: Mapping[str, Any]) -> HopsReque
             branches = entry["InnerTree"].values()
             items_by_name[entry["ParamName"]] = [(item["type"], item["data"]) for branch in branches for item in branch]
     except (KeyError, TypeError, AttributeError):
-        raise HopsError(
-            "this is not a request of Hops, because its values have another form; use a Hops component"
-        ) from None
+        raise HopsError("this is not a request of Hops; use a Hops component") from None
     word = str(body.get("modelunits") or "Meters")
     unit = declared_unit(word) or ""
     if unit not in METRES_PER:

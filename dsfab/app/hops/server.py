@@ -42,7 +42,7 @@ class Solver:
             except multiprocessing.TimeoutError:
                 self._end()
                 raise HopsError(
-                    f"the component took over {self.seconds:g} s and was stopped; make the mesh coarser, or start "
+                    f"the component was stopped after {self.seconds:g} s; make the mesh coarser, or start "
                     "dsfab hops with more --seconds"
                 ) from None
         if not succeeded:
@@ -69,7 +69,7 @@ def solve_request(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
 
 
 LOOPBACK = "127.0.0.1"
-LARGEST = 64 * 2**20  # Largest number of bytes of a request, enough for a mesh of 100,000 faces.
+LARGEST = 64 * 2**20  # Largest request in bytes, for a mesh of 100,000 faces.
 
 
 class HopsServer(ThreadingHTTPServer):

@@ -1,8 +1,10 @@
 """Check of members by the Eurocodes: force divided by resistance, for each bay, with the clause of each check.
 
 grades   characteristic strengths by material, durations of loads, k_mod
-checks   bays with sections and forces, names and clauses of checks, their utilisation
-steel    EN 1993-1-1 for flats        timber   EN 1995-1-1 for laths        rules   the check of a whole structure"""
+checks   bays with sections and forces, checks with clauses, utilisation
+steel    EN 1993-1-1 for flats
+timber   EN 1995-1-1 for laths
+rules    the check of a whole structure"""
 
 from dsfab.members.eurocode.checks import MemberBays, Utilisation
 from dsfab.members.eurocode.grades import STEEL, TIMBER, Duration, shortest

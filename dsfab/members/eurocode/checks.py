@@ -17,11 +17,12 @@ from dsfab.members.frame import STATIONS, MemberForces, torsion_constant
 class MemberBays:
     """Bays (b) of members, each with five stations; lengths in metres.
 
-    member, name : (b,) name of the member, and of the bay by its nodes, "N012 N013".
-    s         : (b, 5) arc length along the axis of the member.    width : (b, 5) of the section.
-    thickness : of all sections.    length : (b,) from node to node, along the axis.
+    member    : (b,) name of the member.    name : (b,) names of the bay's nodes, "N012 N013".
+    s         : (b, 5) arc length along the axis of the member.
+    width     : (b, 5) width of the section.    thickness : thickness of all sections.
+    length    : (b,) distance between the nodes along the axis.
     curvature : (b, 5) normal curvature of the axis, 1/m.
-    forces    : by case and combination, (b, 5, 6) N, Vy, Vz, N; Mt, My, Mz, Nm, see `dsfab.members.frame.MemberForces`.
+    forces    : (b, 5, 6) N, Vy, Vz, N, and Mt, My, Mz, Nm, by case and combination (`MemberForces`).
 
           z, normal      width along y, thickness along z:
           |  y           My bends the member out of the surface (W = width thickness^2 / 6),
@@ -94,13 +95,14 @@ CheckRatios = dict[CodeCheck, Floats]
 
 @dataclass(frozen=True, eq=False)
 class Utilisation:
-    """Forces on bays, divided by their resistances; 1 is the limit.
+    """Forces on bays, divided by their resistances; 1 is the limit. b counts the bays, c the checks.
 
-    bays     : b bays.    checks : c checks.    standard : name of the standard, or the reason why none applies.
-    values   : by case or combination, (b, c) largest value along each bay for each check.
-    station  : by case, (b, c) station of this value, 0 to 4; 0 for a value of the whole bay.
-    assumed  : sentences on assumptions.    unchecked : topics without a check.
-    combined : True if cases are combinations with partial factors."""
+    standard  : name of the standard, or the reason for its absence.
+    values    : (b, c) largest value along each bay for each check, by case or combination.
+    station   : (b, c) station of the largest value, 0 to 4, by case; 0 for a value of the whole bay.
+    assumed   : sentences on assumptions.
+    unchecked : topics without a check.
+    combined  : True if cases are combinations with partial factors."""
 
     bays: MemberBays
     checks: tuple[CodeCheck, ...]
@@ -234,15 +236,14 @@ class Rectangle:
         return Rectangle(*narrow)
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
-        """Return the critical moment (b, k), Nm, of lateral buckling for bay lengths L (m) under a uniform moment:
+        """Return the critical moment (b, k), Nm, of lateral buckling under a uniform moment, for bay lengths L, metres:
         pi / L sqrt(E I G It) [Timoshenko, Gere 1961, 6.1]."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 
 def moment_factor(moment: Floats) -> Floats:
     """Return the factor C_m (b, 1) of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading].
-    C_m depends on the larger end moment, the ratio psi of the end moments, and the middle moment. For a linear moment
-    it is 0.6 + 0.4 psi."""
+    For a linear moment with the ratio psi of the end moments, C_m is 0.6 + 0.4 psi."""
     ends = moment[:, [0, -1]]
     first_is_larger = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
     large, small = np.where(first_is_larger, ends[:, 0], ends[:, 1]), np.where(first_is_larger, ends[:, 1], ends[:, 0])

@@ -48,9 +48,8 @@ Product = Literal["solid timber", "glulam", "LVL"]
 @dataclass(frozen=True)
 class TimberGrade:
     """Characteristic values along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`.
-    E05, G05 : 5 % quantiles of the moduli.
-    fm_flat, fv_flat : values for flatwise bending, which differ for LVL.
-    size : exponent s of the size effect of LVL."""
+    E05, G05 : 5 % quantiles of the moduli.    fm_flat, fv_flat : values for flatwise bending, different for LVL only.
+    size     : exponent s of the size effect of LVL."""
 
     name: str
     product: Product

@@ -29,8 +29,9 @@ UNCHECKED = (
 class Rules:
     """Rules for checking members.
     material  : name of the material, or ''.    young, shear : moduli, Pa.
-    strength  : Pa, for materials without a standard in dsfab.    durations : of loads, by case and combination.
-    steel, timber : factors.    loads : sentence on the loads.
+    strength  : Pa, for materials without a standard in dsfab.
+    durations : durations of the loads, by case and combination.
+    steel, timber : factors of the checks.    loads : sentence on the loads.
     combined  : True if cases are combinations with partial factors."""
 
     material: str
@@ -49,7 +50,7 @@ def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
     Raises StaticsError if neither the material nor a strength is known, and if there are no bays."""
     if not bays.member:
         raise StaticsError(
-            "no member has a bay between two nodes, so the report has nothing to check; see dsfab export --to csv"
+            "no member has a bay between two nodes, so the report checks nothing; see dsfab export --to csv"
         )
     check, standard, assumed = _method(rules, bays.thickness)
     results = {case: check(bays, case) for case in bays.forces}

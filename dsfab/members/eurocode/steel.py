@@ -29,8 +29,8 @@ BOTH = CodeCheck("buckling and bending", f"{STANDARD} 6.3.3 (6.61), (6.62)")
 @dataclass(frozen=True)
 class SteelFactors:
     """Factors of steel checks.
-    curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2].
-    gamma_m0, gamma_m1 : partial factors of sections and of members [6.1].
+    curve    : curve of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2].
+    gamma_m0 : partial factor of sections.    gamma_m1 : partial factor of members [6.1].
     buckling_length : buckling length divided by the distance between nodes."""
 
     curve: Curve = "c"
@@ -52,13 +52,13 @@ def steel_checks(
 
 def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios:
     """Check sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
-    The shear stress is elastic, 1.5 V / A, plus St. Venant's torsion. Torsion reduces the plastic resistance to V. If V
-    exceeds half of this resistance, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. N and bending act
-    together as (N / N_Rd)^2 + My / My_pl,Rd + Mz / Mz_pl,Rd: (6.32), and (6.41) with exponents 1."""
+    The shear stress is elastic, 1.5 V / A, plus St. Venant's torsion. Torsion reduces the plastic resistance to V.
+    V above half of this resistance reduces f_y for N and M by the factor 1 - rho [6.2.8, 6.2.10].
+    N and bending combine as (N / N_Rd)^2 + My / My_pl,Rd + Mz / Mz_pl,Rd: (6.32), and (6.41) with exponents 1."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
-    nearly = 0.95  # above this ratio of V to its resistance, the check of shear governs anyway
+    nearly = 0.95  # the check of shear governs above this ratio of V to its resistance
     plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / nearly + 1e-12)
     rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, nearly) - 1) ** 2, 0.0)
     n, strength_share = N / (section.area * fd), 1 - rho
@@ -82,8 +82,8 @@ def member_checks(
     section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
 ) -> CheckRatios:
     """Return the checks (b, 1) of whole bays with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
-    The largest compression and the largest moments of a bay act together on its narrowest section. Resistances to
-    moments are elastic, with the interaction factors of annex B for class 3 and members that may twist (table B.2)."""
+    The largest compression and the largest moments of a bay act together on its narrowest section.
+    Moments have elastic resistances and the factors of annex B for class 3, table B.2."""
     fy, young, shear = material
     slim = section.slimmest()
     N = np.maximum(-forces[:, :, 0], 0.0).max(axis=1, keepdims=True)
@@ -106,7 +106,7 @@ def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:
 
 def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:
     """Return the larger of (6.61) and (6.62). tilted : M / M_Rd about the strong axis, divided by chi_LT.
-    strong, weak : slenderness, N / N_b,Rd, M / M_Rd and C_m, for buckling about the strong and the weak axis."""
+    strong, weak : slenderness, N / N_b,Rd, M / M_Rd and C_m about the strong axis, and about the weak axis."""
     (lam_s, n_s, _, C_s), (lam_w, n_w, m_w, C_w) = strong, weak
     k_ss = C_s * (1 + 0.6 * np.minimum(lam_s, 1) * n_s)
     k_ww = C_w * (1 + 0.6 * np.minimum(lam_w, 1) * n_w)

@@ -34,9 +34,10 @@ BEAM = CodeCheck("stability as a beam", f"{STANDARD} 6.3.3 (6.33), (6.35)")
 @dataclass(frozen=True)
 class TimberFactors:
     """Factors of timber checks.
-    service_class : 1 heated, 2 under a roof, 3 in the open.    gamma_m : partial factor; None for that of table 2.3.
+    service_class : 1 heated, 2 under a roof, 3 in the open.
+    gamma_m       : partial factor; None for the factor of table 2.3.
     buckling_length : buckling length divided by the distance between nodes.
-    layer : thickness (m) of straight layers that are bent into shape; 0 for members that are made in their shape."""
+    layer         : thickness (m) of layers that are bent into shape; 0 for members made in their shape."""
 
     service_class: ServiceClass = 2
     gamma_m: float | None = None
@@ -47,8 +48,9 @@ class TimberFactors:
 def timber_checks(
     bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
 ) -> CheckRatios:
-    """Return force divided by resistance, for bays under forces (b, 5, 6) with the shortest load's duration.
-    elastic : Young's modulus, Pa, for the stress from bending into shape, E layer |kn| / 2."""
+    """Return force divided by resistance, for bays under forces (b, 5, 6).
+    duration : duration of the shortest load.
+    elastic  : Young's modulus, Pa, for the stress E layer |kn| / 2 from bending into shape."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     over = (factors.gamma_m or GAMMA[grade.product]) / k_mod(duration, factors.service_class)
     bent = elastic * factors.layer * np.abs(bays.curvature) / 2

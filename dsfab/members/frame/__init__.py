@@ -1,7 +1,9 @@
 """The beam model of a structure: its members as beams between nodes, solved and compared with the sheet.
 
-joints   nodes of members, ends, hubs of discs      beams    straight pieces, loads and supports on nodes
-build    the whole model: `Design.frame`            model    `Frame`, its solution, comparison with the sheet
+joints   nodes of members, ends, hubs of discs
+beams    straight pieces, loads and supports on nodes
+build    the whole model: `Design.frame`
+model    `Frame`, its solution, comparison with the sheet
 forces   member forces from the section forces of the sheet"""
 
 from dsfab.members.frame.build import frame_of

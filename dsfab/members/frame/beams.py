@@ -14,7 +14,7 @@ from dsfab.members import Member
 from dsfab.members.frame.joints import AxisJoints, fitting
 from dsfab.surface import LoadCase, Surface
 
-SHORT = 1e-3  # Two nodes of a member count as one if they are nearer than this fraction of its width.
+SHORT = 1e-3  # Least distance between two nodes of a member, as a fraction of its width.
 
 
 class BeamRow(NamedTuple):
@@ -117,7 +117,7 @@ def _bay(
 
 def _sides(member: Member) -> Floats:
     """Return widths (k, 2), m, to the left and right of the axis.
-    The axis of a disc is a ring. A disc has no inner edge, so each width is at least half of area / length."""
+    A disc has a ring as its axis and no inner edge. So each of its widths is at least half of area / length."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
@@ -133,14 +133,12 @@ def _divide_bay(
         fine, clear = fine % member.length, clear % member.length
     bent = np.interp(fine, axis.s, np.hypot(axis.kg, axis.kn)).mean() * (t - s)
     width = np.interp(clear, axis.s, member.width)
-    # a beam bends by at most 5 degrees and tapers by a factor of at most 1.25, if it is longer than half its width
+    # largest bend 5 degrees, largest taper 1.25, but no beams shorter than half their width
     parts = max(np.degrees(bent) / 5.0, np.log(width.max() / width.min()) / np.log(1.25))
     count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
     cuts = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
-    # a joint is wider by half of the crossing member's width, because forces spread into that member at 45 degrees;
-    # frame's compliance / sheet's: tower .96, vaults 1.00, gridshell .98; without this width 1.10, 1.02, 1.06
-    into = 0.5
+    into = 0.5  # forces spread into the crossing member at 45 degrees
     if half[0]:
         cuts, spread = np.concatenate([[s], cuts]), np.concatenate([[into * joint_widths[0]], spread])
     if half[1]:
@@ -161,7 +159,7 @@ class BeamPlaces:
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the nearest beam to each place (q, 3), and the nearest point on it."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
-    count = 9  # points along each beam; the beams of the six points nearest to a place are candidates
+    count = 9  # number of points along each beam; the six nearest points give the candidates
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a
@@ -178,8 +176,8 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
     """Return forces and moments (n, 6), N and Nm, at nodes, from forces on the vertices V (v, 3) of a sheet.
-    Each force is moved to the nearest point on the axes, with its moment about that point. Both are divided
-    between the beam's nodes as between supports of a simple beam. Total force and moment are those of the sheet."""
+    Each force moves to the nearest point on the axes, with its moment about that point. The nodes of the beam share the
+    force and the moment as the supports of a simple beam."""
     loads = np.zeros((len(points), 6))
     ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
     for side, share in ((0, 1 - places.along), (1, places.along)):
@@ -190,10 +188,10 @@ def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, b
 
 @dataclass(frozen=True, eq=False)
 class NodeSupports:
-    """Supports at nodes; index h counts the supports.
-    node  : (h,) nearest node of an axis.    place : (h, 3) centre of the supported vertices, metres.
-    apart : (h,) True if a link must join node and place.    fixed : (h, 6) as in `Frame`.
-    spring : (h, 6) N/m.    width : (h,) of the link, metres."""
+    """Supports at nodes; h counts the supports.
+    node   : (h,) nearest node of an axis.    place : (h, 3) centre of the supported vertices, metres.
+    apart  : (h,) True if a link must join node and place.    width : (h,) width of the link, metres.
+    fixed  : (h, 6) as in `Frame`.    spring : (h, 6) N/m."""
 
     node: Ints
     place: Floats
@@ -204,8 +202,8 @@ class NodeSupports:
 
 
 def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> NodeSupports:
-    """Return the supports of a sheet, each at the nearest node of the nearest beam; points : (n, 3) nodes.
-    A support that fixes whole faces, such as a column head, also fixes the rotations of its node."""
+    """Return the supports of a sheet, each at the nearest node of the nearest beam. points : (n, 3) nodes.
+    A support of whole faces, such as a column head, also fixes the rotations of its node."""
     V, clamped = surface.V, _clamped_vertices(surface, load)
     vertices = np.flatnonzero(load.supported | clamped)
     places = nearest_beams(V[vertices], points, beams)

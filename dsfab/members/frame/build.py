@@ -34,12 +34,12 @@ def frame_of(
     material: BeamMaterial,
 ) -> Frame:
     """Return the beam model of a cut sheet.
-    graph        : members of the sheet.    surface : the sheet; its vertices carry the loads.
-    loads        : by case; all cases have equal supports.    combinations : factors of cases, by name.
+    graph        : members of the sheet.    surface : the sheet with the loaded vertices.
+    loads        : loads by case, on equal supports.    combinations : factors of cases, by name.
     thickness    : metres.
     Raises StaticsError if no member has an axis, or if a part of the structure has no support."""
     if not any(member.axis for member in graph.members):
-        raise StaticsError("no member of the structure has an axis, so that a beam model is impossible; use the sheet")
+        raise StaticsError("no member of the structure has an axis, so a beam model is impossible; use the sheet")
     joints = joints_at_nodes(graph)
     join_ends(joints)
     add_hubs(joints)

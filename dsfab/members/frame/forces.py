@@ -15,20 +15,21 @@ from dsfab.surface import Surface
 
 PLANES = 4
 """Number of planes near a station, all within one edge length of the mesh.
-Forces are averaged over these planes, because forces of a face are constant and only their means are in equilibrium."""
+Forces are averaged over these planes, because forces are constant on faces and only their means are in equilibrium."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Lines in which planes across an axis cut faces. Index c counts the lines, e their ends on free edges.
+    """Lines in which planes across an axis cut faces. c counts the lines, e their ends on free edges.
 
-    station : (c,) numbers of the stations.    face : (c,) faces.
+    station : (c,) number of the station.    face : (c,) face.
     length  : (c,) metres, divided by the number of planes at a station.
     arm     : (c, 2, 3) vectors (m) from the axis to both ends of the line.
     weight  : (c, 2, 3) barycentric weights of both ends of the line in the face.
-    across  : (c, 3) unit vectors in the face, at right angles to the line, in the direction of the axis.
-    end_out : (e, 3) unit vectors along the line, out of the face.
-    end_station, end_face, end_arm, end_weight, end_across : as above, for the ends; end_arm and end_weight (e, 3)."""
+    across  : (c, 3) unit vectors in the face, at right angles to the line, along the axis.
+    end_station, end_face, end_across : station, face and `across` of the end's line.
+    end_arm : (e, 3) vectors (m) from the axis.    end_weight : (e, 3) barycentric weights.
+    end_out : (e, 3) unit vectors along the line, out of the face."""
 
     station: Ints
     face: Ints
@@ -85,7 +86,7 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
     """Return the line in each triangle on which `level` (c, 3), linear between the corners, is 0.
-    The results are barycentric weights (c, 2, 3) of both ends, and their sides (c, 2); side k begins at corner k."""
+    The results are barycentric weights (c, 2, 3) and sides (c, 2) of both ends; side k begins at corner k."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
@@ -129,11 +130,11 @@ COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
 
 @dataclass(frozen=True, eq=False)
 class MemberForces:
-    """Forces of a member at stations of its axis; index k counts the stations.
+    """Forces of a member at stations of its axis; k counts the stations.
 
     member : name of the member.    s : (k,) metres along its axis.    bay : (k,) names of the bay's nodes, "N012 N013".
-    width  : (k,) width (m) of the section over which forces are summed.
-    forces : by case and combination, (k, 6) N, Vy, Vz in newtons and Mt, My, Mz in newton metres, see `COMPONENTS`.
+    width  : (k,) width of the section, metres.
+    forces : (k, 6) N, Vy, Vz in newtons and Mt, My, Mz in newton metres, by case and combination.
              Positive N is tension. Positive My stretches the side of the normal, positive Mz the right side.
              Mt acts about the axis."""
 
@@ -198,7 +199,7 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """Return forces (e, 3), N, of the twisting moment on free edges at ends of lines, divided by `PLANES`."""
+    """Return the forces (e, 3), N, that replace the twisting moment on free edges, divided by `PLANES`."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))

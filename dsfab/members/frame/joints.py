@@ -24,9 +24,10 @@ def fitting(halves: Floats, length: float) -> Floats:
 @dataclass(eq=False)
 class AxisJoints:
     """Nodes on the axes of members, collected step by step.
-    points, names : of the nodes.    on : by member, pairs (arc length, node number) of the nodes on its axis.
+    points, names : points (3,) and names of the nodes.
+    on     : pairs (arc length, node number) of the nodes on an axis, by member.
     links  : (node, node, width in metres) for two nodes that the sheet joins beside the axes.
-    ends   : by member, begin and end of its beams, metres along its axis.
+    ends   : begin and end of a member's beams, metres along its axis, by member.
     grazed : nodes at which members share material beside their middle lines."""
 
     graph: MemberGraph
@@ -101,7 +102,7 @@ def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
 
 def link_members(joints: AxisJoints, members: list[Member], lengths: tuple[float, float], name: str) -> tuple[int, int]:
     """Join two members at arc lengths of their axes, and return the nodes of both.
-    Axes near each other share one node; otherwise a link joins them, as wide as the narrower member."""
+    Near axes share one node; other axes get a link as wide as the narrower member."""
     node_a, node_b = (joints.place(member, s, name) for member, s in zip(members, lengths, strict=True))
     if node_a != node_b:
         joints.links.append((node_a, node_b, min(member.mean_width for member in members)))
@@ -131,7 +132,7 @@ def join_ends(joints: AxisJoints) -> None:
         span = [0.0, member.length]
         for side, what in enumerate(member.ends):
             nearest = _nearest(joints, member, span[side])
-            # a piece beyond the last node belongs to the joint if it is shorter than the other member's width
+            # a short piece beyond the last node belongs to the joint
             beyond = nearest and abs(nearest[0] - span[side]) < joints.other_width(member, nearest[1])
             if nearest and beyond and what not in ("edge", "free"):
                 span[side] = nearest[0]
@@ -141,9 +142,8 @@ def join_ends(joints: AxisJoints) -> None:
 def _join_touching(joints: AxisJoints, trees: Trees) -> None:
     """Join ends without a node to the members that continue their material.
 
-    A free end is joined to all members that touch it, other ends only to members that also end there. So the arms of a
-    star stay connected, even across a few faces without an axis. A member touches an end if it is nearer than the end's
-    width. Ends with a node get no links, which would make the preset `cantilever` 6 % stiffer than its sheet."""
+    A free end is joined to all members nearer than the end's width, other ends only to members that also end there. So
+    the arms of a star stay connected. Ends with a node get no links, which would make the frame too stiff."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]
@@ -226,9 +226,8 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 def add_hubs(joints: AxisJoints) -> None:
     """Add a hub (central node) and links (spokes) to each disc of 3 nodes or more. Spoke widths sum to the ring length.
-    Let a be the radius and t the thickness of the disc. Under a load P on the hub the spokes deflect by 0.159 P a^2 /
-    (E t^3), with 0.159 = 1 / 2 pi. A clamped plate deflects by 0.217 P a^2 / (E t^3); the ratio is 0.73. With simple
-    supports the factors are 0.637 and 0.552; the ratio is 1.15 [Timoshenko, Woinowsky-Krieger 1959, 19]."""
+    Under a load P on the hub, clamped spokes deflect by 0.73 and simply supported spokes by 1.15 times the plate
+    [Timoshenko, Woinowsky-Krieger 1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

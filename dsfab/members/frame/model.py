@@ -42,8 +42,8 @@ class BeamMaterial:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Straight beams of rectangular section between nodes. SI units. The six unknowns of a node are translations along
-    the global axes, then rotations about these axes. Index n counts the nodes, b the beams.
+    """Straight beams of rectangular section between nodes, in SI units. n counts the nodes, b the beams.
+    The six unknowns of a node are translations along the global axes, then rotations about these axes.
 
              z (normal of the surface)
              |  y (in the surface)        width along y, thickness along z
@@ -54,16 +54,14 @@ class Frame:
     ends      : (b, 2) nodes at both ends of each beam.
     normal    : (b, 3) unit vectors, local z of each beam.
     width     : (b,) metres, along local y.    thickness : (b,) metres, along local z.
-    member    : (b,) member of each beam, a number in `members`; -1 for a link, which stands for material away from the
-                axes: supported edges, centres of discs, members that graze each other.
+    member    : (b,) number in `members`; -1 for a link, the material away from the axes.
     members   : names of the members.
     fixed     : (n, 6) True for a fixed translation or rotation.    spring : (n, 6) N/m and Nm.
-    loads     : by case, (n, 6) newtons and newton metres on the nodes, from tributary areas.
-    combinations : by name, the factor of each case.    actions : permanent, snow, wind or variable by case; {}
-                if unknown.
-    eccentricity : (b,) distance (m) of the material's middle to the left of the beam, along local y; 0 along local z.
-    stout     : (b,) width of the member divided by the length of the beam's bay; 1 if it grazes a member at an end of
-                the bay, because both form one wider piece there; 0 for links."""
+    loads     : (n, 6) newtons and newton metres on the nodes, by case.
+    combinations : factors of the cases, by name of the combination.
+    actions   : permanent, snow, wind or variable, by case; {} if unknown.
+    eccentricity : (b,) metres from the beam to the material's middle, to the left along local y.
+    stout     : (b,) width of the member divided by the length of the bay; 1 if members graze; 0 for links."""
 
     points: Floats
     nodes: tuple[str, ...]
@@ -145,8 +143,8 @@ class FrameAnswer:
 
     u        : (n, 6) displacements, metres, and rotations, radians.
     reaction : (n, 6) forces and moments of supports and springs on the frame, N and Nm.
-    end      : (b, 2, 6) section forces at both ends of each beam in its own axes, N and Nm: N, Vy, Vz, Mt, My, Mz on a
-               section whose outward normal is local x; N is positive for tension.
+    end      : (b, 2, 6) section forces at both ends of each beam in its own axes: N, Vy, Vz, N, and Mt, My, Mz, Nm.
+               The section's outward normal is local x. Positive N is tension.
     energy   : (b,) elastic energy of each beam, J.
     compliance : loads times displacements, J."""
 
@@ -161,7 +159,7 @@ class FrameAnswer:
 
 
 def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
-    """Solve a frame for its cases and combinations; return the solutions by name.
+    """Solve a frame for its cases and combinations. Return the solutions by name.
     shear : False for beams of Euler and Bernoulli, without shear deformation.
     Raises StaticsError for a frame that is free to move."""
     k, turn = local_stiffness(frame, shear), _turn(frame)
@@ -231,7 +229,7 @@ def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Float
         u[free] = scale * factor.solve(scale * f)
         u[free] += scale * factor.solve(scale * (f - inside @ u[free]))
         residual = np.abs(inside @ u[free] - f).max()
-        loose = 1e-5  # a frame is free to move if the residual exceeds this fraction of the loads
+        loose = 1e-5  # largest residual of a supported frame, as a fraction of the loads
         if not residual <= loose * max(np.abs(f).max(), np.finfo(float).tiny):
             raise StaticsError(_moves(frame))
         return u
@@ -263,14 +261,12 @@ STOUT = 0.35
 
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
-    """Results of a frame divided by those of its sheet, for one case.
-
-    Ribs of the compared sheet twist as bars, because a thin sheet overestimates the torsional stiffness of deep ribs.
+    """Results of a frame divided by those of its sheet, for one case. Ribs of this sheet twist as bars.
 
     compliance   : ratio of the compliances, 1 for equal results.
     displacement : ratio of the largest displacements, 1 for equal results.
-    stout : share of the elastic energy in links, in bays wider than 0.35 of their length, and in bays with grazing
-            members; or the share of the sheet's energy outside of members with an axis, if this is larger.
+    stout : share of the elastic energy in links, in bays wider than `STOUT`, and in bays with grazing members; or the
+            share of the sheet's energy outside of members with an axis, if this is larger.
     twist : largest displacement of the sheet with such ribs, divided by that of the thin sheet."""
 
     case: str
@@ -311,9 +307,9 @@ def agreement(
     other_energy: Mapping[str, float],
     twist: Mapping[str, float],
 ) -> list[FrameAgreement]:
-    """Compare the solutions of the frame and the sheet for each case and combination of both.
-    other_energy : by case, share of the sheet's elastic energy outside of members with an axis.
-    twist        : by case, see `FrameAgreement`."""
+    """Compare the solutions of the frame and the sheet for each case and combination that both have.
+    other_energy : share of the sheet's elastic energy outside of members with an axis, by case.
+    twist        : see `FrameAgreement`, by case."""
     stout = (frame.member < 0) | (frame.stout > STOUT)
     agreements = []
     for name in (name for name in answers if name in sheet):
