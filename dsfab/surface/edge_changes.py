@@ -32,7 +32,7 @@ def sharp_edges(surface: Surface) -> Bools:
     return marks
 
 
-LARGEST = 4_000_000  # Largest number of triangles; dsfab refuses a larger number before it creates them.
+LARGEST = 4_000_000  # Largest number of triangles of a mesh: twice the largest mesh tried with all stages.
 
 
 def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Surface:

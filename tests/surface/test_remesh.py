@@ -350,3 +350,14 @@ def test_a_surface_has_one_tree_of_boxes(monkeypatch, smooth):
         made.clear()
         remeshed_surface(surface, 0.3, smooth=smooth)
         assert made.count(surface.m) == 1
+
+
+@pytest.mark.parametrize(("millions", "begins"), [(3.6, True), (4.4, False)])
+def test_a_mesh_of_over_four_million_triangles_is_refused_before_it_begins(millions, begins, monkeypatch):
+    def begin(surface):
+        raise InterruptedError
+
+    monkeypatch.setattr("dsfab.surface.remesh.remeshing.without_rim_slivers", begin)
+    edge = np.sqrt(4 / np.sqrt(3) / (1e6 * millions))  # of equal triangles on one square metre
+    with pytest.raises(InterruptedError if begins else SurfaceError):
+        remeshed_surface(grid(2, 2, 1.0, 1.0), edge)
