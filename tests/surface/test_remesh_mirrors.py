@@ -85,14 +85,18 @@ def test_lengths_that_are_given_may_differ_from_side_to_side():
     assert right > 1.5 * left
 
 
-def test_a_round_surface_has_two_mirrors_and_mirrors_do_not_sharpen_a_tip():
+def test_a_round_surface_has_two_mirrors():
     dome = Mirrors.from_surface(NearestOnSurface(cone_of_needles(64)), 0.5, smooth=False)
     assert dome is not None
     assert len(dome.group) == 4
     assert abs(dome.normals[0] @ dome.normals[1]) < 1e-9
-    tip = Surface([[0, 0, 0], [4, -0.5, 0], [4, 0.5, 0]], [[0, 1, 2]])
-    assert Mirrors.from_surface(NearestOnSurface(tip), 0.1, smooth=False) is not None
-    assert smallest_angle(remeshed_surface(tip, 0.1)) > 12
+
+
+@pytest.mark.parametrize(("half_width", "halves"), [(1.3, False), (1.6, True)])
+def test_mirrors_halve_the_angle_of_a_tip_only_if_twenty_degrees_remain(half_width, halves):
+    tip = Surface([[0, 0, 0], [4, -half_width, 0], [4, half_width, 0]], [[0, 1, 2]])
+    assert Mirrors.from_surface(NearestOnSurface(tip), 0.12, smooth=False) is not None
+    assert (smallest_angle(remeshed_surface(tip, 0.12)) < 25) == halves
 
 
 def test_a_side_is_cut_out_along_the_planes():
