@@ -232,7 +232,7 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
 
 SIDES = np.array([-1.0, 1.0])
-SNAP = 2e-3  # Vertices nearer to the side of a strip than this share of half its width move onto the side.
+SNAP = 2e-3  # A cut runs through vertices nearer to it than this share of a fillet's radius or a strip's half-width.
 
 
 @dataclass(frozen=True, eq=False)
