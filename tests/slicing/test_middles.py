@@ -106,7 +106,7 @@ def test_a_line_that_no_member_was_drawn_along_does_not_cross_other_members():
 
 @pytest.mark.parametrize(("shift", "count"), [(0.7e-6, 5), (1.4e-6, 4)])
 def test_a_middle_beside_vertices_by_a_rounding_error_runs_through_them(shift, count):
-    """Each vertex is beside a whole number of the phase by `shift` periods, so that the first line may miss the plate."""
+    """Vertices are beside whole numbers of the phase by `shift` periods, so that the first line may miss the plate."""
     plate = grid(4, 2, 1.0, 0.5)
     z, scale = 4 * plate.V[:, :2] + shift, np.ones((plate.n, 2))
     chart = Chart(plate, np.arange(plate.m), csr_array(np.eye(plate.n)), z, scale)

@@ -18,10 +18,7 @@ LEFT, RIGHT = 1.1, 3.9
 
 
 def sheet_of(
-    rise: float,
-    blank: tuple[float, float] = (AT + 0.2, 1.5),
-    widest: float = HALF,
-    narrowest: float = HALF,
+    rise: float, blank: tuple[float, float] = (AT + 0.2, 1.5), widest: float = HALF, narrowest: float = HALF
 ) -> Sheet:
     """A stripe from the left, that goes on higher by `rise` behind one column of faces; one of these is blank, so that
     it is two stripes that meet in a node, or passes by. Its half-width is `narrowest` at the posts."""

@@ -18,14 +18,7 @@ from dsfab.surface.clean.seams import SAG, _near_vertices, merged_vertices
 from dsfab.surface.files.reader import describe
 from dsfab.surface.mesh import signed_volume
 from dsfab.surface.shapes import dome, plate, sphere
-from dsfab.surface.topology import (
-    _walks_meet_all_corners,
-    boundary_loops,
-    edge_table,
-    manifold_faults,
-    pieces,
-    pinches,
-)
+from dsfab.surface.topology import _walks_meet_all_corners, boundary_loops, edge_table, manifold_faults, pieces, pinches
 from tests.own_meshes import figure, gyroid, voronoi_shell
 from tests.shapes import grid
 

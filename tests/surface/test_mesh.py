@@ -269,7 +269,7 @@ def test_pieces_equal_the_connected_components_of_scipy(count, share):
 
 @pytest.mark.parametrize(("share", "collapsed"), [(0.7e-20, True), (1.4e-20, False)])
 def test_a_face_counts_as_collapsed_below_a_rounding_error_of_the_area(share, collapsed):
-    """The second face of the square has half of the share of 5 m2, the square of the diagonal, as its height over 1 m."""
+    """A third face has the area of this share of 5 m2, the squared diagonal of the square."""
     V = [*SQUARE, [2, 0, 2 * 5 * share]]
     if not collapsed:
         assert Surface(V, [*TWO, [1, 2, 4]]).m == 3
