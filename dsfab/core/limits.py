@@ -32,6 +32,7 @@ SOME_REACTION = 0.05  # Share of the reactions up to which a support counts as u
 FAR_FROM_SURFACE = 0.25  # Largest distance of a point support or load from its vertex, divided by the surface's size.
 LEAST_LOAD_SHARE = 1e-3  # Snow or wind on faces counts as a load from this share of pressure times area.
 MOST_FACES = 4_000_000  # Largest number of triangles of a mesh: twice the largest mesh tried with all stages.
+SAME_PHASE = 2.0**-30  # Phases, and offsets from middle lines, are equal if they differ by fewer periods than this.
 POSSIBLE_SIZE = (1e-9, 1e9)  # Allowed sizes of a surface, metres; products of other numbers overflow.
 USUAL_SIZE = (0.01, 1e3)  # Usual sizes of a surface, metres; for other sizes dsfab asks to check the unit.
 CONVERGED = 0.02  # A compliance counts as computed if its relative error bound is below this value.

@@ -283,7 +283,9 @@ def test_snow_and_wind_that_run_along_every_face_act_on_nothing(load, says):
 def test_snow_on_a_wall_counts_as_a_load_if_the_wall_leans_by_over_a_thousandth(lean, count):
     wall = Surface(np.c_[PLATE.V[:, 0], lean * PLATE.V[:, 1], PLATE.V[:, 1]], PLATE.F)
     given = {"thickness": 0.02, "material": "GL24h", "check": False}
-    preset = Preset(surface=wall, supports=[Support(Side("z", "min", 0.3))], loads=[SelfWeight(), Snow(800.0)], statics=given)
+    preset = Preset(
+        surface=wall, supports=[Support(Side("z", "min", 0.3))], loads=[SelfWeight(), Snow(800.0)], statics=given
+    )
     notes = Design.from_preset(preset).until("statics").notes
     assert sum("snow is parallel to its faces" in note.text for note in notes) == count
 

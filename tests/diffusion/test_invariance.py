@@ -159,7 +159,7 @@ def test_modes_of_a_plate_that_is_square_but_for_rounding_follow_the_axes(longer
 
 @pytest.mark.parametrize(("taper", "sign"), [(0.007, -1), (0.014, 1)])
 def test_the_sign_of_a_mode_follows_its_skew_if_that_is_clear_and_else_the_axes(taper, sign):
-    """On a plate that tapers the skew of the first mode is as large as the taper; the axes are turned by 180 degrees."""
+    """On a plate that tapers, the skew of the first mode is as large as the taper; the axes turn by 180 degrees."""
     plate = grid(12, 6, 2.0, 1.0)
     V = plate.V - [1, 0.5, 0]
     plate = Surface(np.c_[V[:, 0], V[:, 1] * (1 + taper * V[:, 0]), V[:, 2]], plate.F)

@@ -128,3 +128,15 @@ def test_a_line_goes_on_across_a_gap_that_is_a_rounding_error(gap, count):
     spans = clip_segments(chart, none[:1], np.array([[[0.8, 0, 0.2], [0.3, 0.5, 0.2]]]), none[:1], sheet, face.F)
     assert len(spans.begin) == count
     assert (spans.begin[0], spans.end[-1]) == (0, 1)
+
+
+@pytest.mark.parametrize(("shift", "count"), [(0.7e-9, 3), (1.3e-9, 2)])
+def test_a_line_that_misses_the_boundary_by_a_rounding_error_is_drawn_along_it(shift, count):
+    """The phase is 0, 1, 2 along the left boundary, in the middle and along the right boundary, plus a shift."""
+    plate = grid(10, 6, 1.0, 1.0)
+    turned = np.zeros(plate.m, dtype=bool)
+    sheet, _, _ = drawn(plate, 2 * plate.V[:, 0], np.full(plate.n, 0.5), turned)
+    z = np.c_[2 * plate.V[:, 0] + shift, np.full(plate.n, 0.5)]
+    chart = Chart(plate, np.arange(plate.m), csr_array(np.eye(plate.n)), z, np.ones((plate.n, 2)))
+    lines = chart_lines(sheet, plate, NAMES, "major", chart, np.full(plate.n, 0.2))
+    assert [line.length for line in lines] == pytest.approx([1.0] * count)
