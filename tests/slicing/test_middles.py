@@ -140,3 +140,11 @@ def test_a_line_that_misses_the_boundary_by_a_rounding_error_is_drawn_along_it(s
     chart = Chart(plate, np.arange(plate.m), csr_array(np.eye(plate.n)), z, np.ones((plate.n, 2)))
     lines = chart_lines(sheet, plate, NAMES, "major", chart, np.full(plate.n, 0.2))
     assert [line.length for line in lines] == pytest.approx([1.0] * count)
+
+
+@pytest.mark.parametrize(("away", "vertex"), [(0.7e-9, 0), (1.3e-9, -1)])
+def test_a_vertex_of_a_sheet_is_one_of_the_surface_if_only_rounding_parts_them(away, vertex):
+    face = Surface([[away, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    weights = np.c_[1 - face.V.sum(axis=1), face.V[:, :2]]
+    sheet = Sheet(face, np.zeros(1, dtype=int), np.zeros(1, dtype=int), csr_array(weights))
+    assert sheet.same_vertex().tolist() == [vertex, 1, 2]
