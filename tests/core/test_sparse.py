@@ -206,12 +206,11 @@ def test_pardiso_solves_with_the_thread_count_of_the_factorisation(alone, monkey
 def test_pardiso_takes_one_thread_for_up_to_ten_thousand_unknowns_or_so(unknowns, is_small):
     require("PARDISO")
     library = Pardiso(csr_array(diags_array(np.ones(2))))._solver.libmkl
-    before = library.MKL_Get_Max_Threads()
-    library.MKL_Set_Num_Threads(2)
+    before = library.MKL_Set_Num_Threads_Local(2)
     try:
         solve = Pardiso(csr_array(diags_array(np.ones(unknowns))))
     finally:
-        library.MKL_Set_Num_Threads(before)
+        library.MKL_Set_Num_Threads_Local(before)
     assert solve._threads == (1 if is_small else 2)
 
 
