@@ -16,7 +16,7 @@ from dsfab.surface import CornerField, DividedField, Surface, link_components
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
 """Kinds of members, see `dsfab.members.graph.Member`; kept material has the kind "keep" before its shape is known."""
 FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
-NOWHERE = 10.0  # Offset of a region without a middle line, larger than any real offset.
+NOWHERE = 10.0  # A marker: offset of a region without a middle line, larger than any real offset.
 
 
 class NamedBand(NamedTuple):

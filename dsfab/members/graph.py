@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints, distances_from_segments, lock, lock_floats
+from dsfab.core.limits import SAME_PHASE
 from dsfab.members.axes import MemberAxis
 from dsfab.members.components import Component, Kind
 from dsfab.slicing import Overlay, Sheet
@@ -16,10 +17,6 @@ from dsfab.surface import Surface, link_components, require_compas
 
 if TYPE_CHECKING:
     import compas.datastructures
-
-EXACT = 2.0**-30
-"""Least magnitude of an offset, in periods or metres; an offset nearer to 0 is moved to this value.
-So a crossing on an edge is in exactly one of the edge's two cells."""
 
 
 class SharedPatch(NamedTuple):
@@ -97,7 +94,8 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
     begin, end, t = _places_on_sides(offset_a, F, side)
     every = np.arange(len(row))[:, None]
     values = offset_b[every, begin] + t * (offset_b[every, end] - offset_b[every, begin])
-    values = np.where(np.abs(values) < EXACT, np.copysign(EXACT, offset_b[every, begin]), values)
+    # no value is 0, so that a crossing on an edge is in exactly one of its two cells
+    values = np.where(np.abs(values) < SAME_PHASE, np.copysign(SAME_PHASE, offset_b[every, begin]), values)
     meets = np.sign(values[:, 0]) * np.sign(values[:, 1]) < 0
     a, b = surface.V[F[every, begin]], surface.V[F[every, end]]
     points, values = (a + t[..., None] * (b - a))[meets], np.abs(values[meets])

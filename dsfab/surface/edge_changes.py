@@ -6,6 +6,7 @@ from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, cross, edge_lengths, lengths
 from dsfab.core.errors import SurfaceError
+from dsfab.core.limits import MOST_FACES
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, adjacency, edge_table, manifold_faults, misoriented_edges, next_half_edge
 
@@ -32,9 +33,6 @@ def sharp_edges(surface: Surface) -> Bools:
     return marks
 
 
-LARGEST = 4_000_000  # Largest number of triangles; dsfab refuses a larger number before it creates them.
-
-
 def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Surface:
     """Return the surface with no edge longer than `target` metres; its old vertices come first.
 
@@ -44,7 +42,7 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
     Vertices move towards the smooth limit surface. Vertices on a boundary or a crease (30 degrees) stay, and the edges
     between them are halved in place.
 
-    Raises SurfaceError for an invalid target or more than `LARGEST` triangles. Also raises it for `smooth` on a surface
+    Raises SurfaceError for an invalid target or more than `MOST_FACES` triangles. Also raises it for `smooth` on a surface
     that is not manifold and consistently oriented."""
     if not (np.isfinite(target) and target > 0):
         raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
@@ -78,8 +76,8 @@ def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -
 
 
 def _check_count(count: int, target: float) -> None:
-    if count > LARGEST:
-        raise SurfaceError(f"refining to edges of {target:g} m takes over {LARGEST:,} triangles; choose longer edges")
+    if count > MOST_FACES:
+        raise SurfaceError(f"refining to edges of {target:g} m takes over {MOST_FACES:,} triangles; use longer edges")
 
 
 def halved_edges(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:

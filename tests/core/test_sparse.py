@@ -202,6 +202,18 @@ def test_pardiso_solves_with_the_thread_count_of_the_factorisation(alone, monkey
     assert seen == 3 * [1 if alone else library.MKL_Get_Max_Threads()]
 
 
+@pytest.mark.parametrize(("unknowns", "is_small"), [(9_000, True), (16_000, False)])
+def test_pardiso_takes_one_thread_for_up_to_ten_thousand_unknowns_or_so(unknowns, is_small):
+    require("PARDISO")
+    library = Pardiso(csr_array(diags_array(np.ones(2))))._solver.libmkl
+    before = library.MKL_Set_Num_Threads_Local(2)
+    try:
+        solve = Pardiso(csr_array(diags_array(np.ones(unknowns))))
+    finally:
+        library.MKL_Set_Num_Threads_Local(before)
+    assert solve._threads == (1 if is_small else 2)
+
+
 def test_separators_separate():
     """Points of different parts of any level do not touch: their keys differ first in a separator's digit or not."""
     surface = jittered(grid(40, 40, 1.0, 1.0))
@@ -302,7 +314,9 @@ def test_a_small_factor_gives_no_memory_back(monkeypatch):
     require("PARDISO")
     Pardiso(system(grid(2, 2, 1.0, 1.0))[0])
     assert asked == []
-    cholesky.release_freed_memory(2 * cholesky.LITTLE)
+    cholesky.release_freed_memory(15e6)
+    assert asked == []
+    cholesky.release_freed_memory(27e6)
     assert asked == [0]
 
 

@@ -243,15 +243,27 @@ def test_supports_at_one_or_two_points_that_carry_load_give_a_note():
     assert notes[1].startswith("post holds only 1 vertex, at (2, 0, 0) m")
 
 
+@pytest.mark.parametrize(("share", "count"), [(0.04, 0), (0.06, 1)])
+def test_a_post_may_carry_up_to_a_twentieth_of_the_reaction_without_a_note(share, count):
+    """It stands at the far end; a load at an eighth of the span gives it an eighth, a load at the near end nothing."""
+    post = Support(Nearest(((2, 0.25, 0),)), "z", name="post")
+    loads = [
+        Line(Box((0.25 * k, 0, 0), (0.25 * k, 0.5, 0)), (0, 0, -60 * part), "all")
+        for k, part in enumerate((1 - 8 * share, 8 * share))
+    ]
+    design = design_of_plate([Support(Side("x", "min")), post], loads)
+    assert sum("post holds only 1 vertex" in note.text for note in design.until("statics").notes) == count
+
+
 @pytest.mark.parametrize("what", ["support", "load"])
 def test_a_point_far_off_the_surface_holds_and_loads_nothing(what):
-    far = Nearest(((1, 0.25, 40),))
+    far = Nearest(((1, 0.25, 0.6),))
     supports = [Support(Side("x", "min", 0.3)), *([Support(far, name="it")] if what == "support" else [])]
     loads = [Force(far, (0, 0, -9), name="it") if what == "load" else SelfWeight()]
     assert refusal(supports, loads).startswith(
-        "it is at (1, 0.25, 40) m, 40 m away from the nearest vertex of the surf"
+        "it is at (1, 0.25, 0.6) m, 600 mm away from the nearest vertex of the surf"
     )
-    near = [Force(Nearest(((1, 0.25, 0.1),)), (0, 0, -9))]
+    near = [Force(Nearest(((1, 0.25, 0.45),)), (0, 0, -9))]
     assert not design_of_plate(supports[:1], near).statics.objections
 
 
@@ -265,6 +277,17 @@ def test_snow_and_wind_that_run_along_every_face_act_on_nothing(load, says):
     said = refusal([Support(Side("z", "min", 0.3))], [SelfWeight(), load], wall)
     assert said.startswith(says)
     assert "on 1 m2: change its direction, or pick other faces" in said
+
+
+@pytest.mark.parametrize(("lean", "count"), [(0.7e-3, 1), (1.4e-3, 0)])
+def test_snow_on_a_wall_counts_as_a_load_if_the_wall_leans_by_over_a_thousandth(lean, count):
+    wall = Surface(np.c_[PLATE.V[:, 0], lean * PLATE.V[:, 1], PLATE.V[:, 1]], PLATE.F)
+    given = {"thickness": 0.02, "material": "GL24h", "check": False}
+    preset = Preset(
+        surface=wall, supports=[Support(Side("z", "min", 0.3))], loads=[SelfWeight(), Snow(800.0)], statics=given
+    )
+    notes = Design.from_preset(preset).until("statics").notes
+    assert sum("snow is parallel to its faces" in note.text for note in notes) == count
 
 
 def test_a_load_on_supported_vertices_gives_a_note():

@@ -251,3 +251,10 @@ def test_the_magnitude_rule_takes_a_tenth_of_the_smaller_stress_and_a_little_for
     sigma[:, [0, 1], [0, 1]] = 2 * principal
     found = diffusion_tensors(plate, sigma, labelling="magnitude", isotropy=0.1)
     assert found.isotropic[: len(sizes)].tolist() == [True, False] * 3
+
+
+@pytest.mark.parametrize(("share", "is_isotropic"), [(0.016, True), (0.025, False)])
+def test_a_face_has_no_direction_if_its_stresses_differ_by_less_than_a_fiftieth(share, is_isotropic):
+    plate = grid(2, 2, 1.0, 1.0)
+    sigma = np.tile(np.diag([1e6, (1 - share) * 1e6, 0.0]), (plate.m, 1, 1))
+    assert (diffusion_tensors(plate, sigma).isotropic == is_isotropic).all()

@@ -143,3 +143,26 @@ def test_repeated_eigenvalues_turn_with_load_and_supports(turn):
         L = diffusion_operator(surface, diffusion_tensors(surface, np.zeros((surface.m, 3, 3))).major)
         found.append(diffusion_modes(surface, L, 8, axes).X)
     assert np.abs(found[1] - found[0]).max() < 1e-6
+
+
+def plain_operator(surface: Surface):
+    return diffusion_operator(surface, diffusion_tensors(surface, np.zeros((surface.m, 3, 3)), r=1).major)
+
+
+@pytest.mark.parametrize(("longer", "along"), [(3.5e-7, 0), (7e-7, 1)])
+def test_modes_of_a_plate_that_is_square_but_for_rounding_follow_the_axes(longer, along):
+    """Its second side is longer by a share; eigenvalues, which go with the square, are equal within a millionth."""
+    plate = grid(8, 8, 1.0, 1 + longer)
+    x = (plate.V - plate.V.mean(axis=0)).T @ diffusion_modes(plate, plain_operator(plate), 1).X[:, 0]
+    assert int(np.abs(x).argmax()) == along
+
+
+@pytest.mark.parametrize(("taper", "sign"), [(0.007, -1), (0.014, 1)])
+def test_the_sign_of_a_mode_follows_its_skew_if_that_is_clear_and_else_the_axes(taper, sign):
+    """On a plate that tapers, the skew of the first mode is as large as the taper; the axes turn by 180 degrees."""
+    plate = grid(12, 6, 2.0, 1.0)
+    V = plate.V - [1, 0.5, 0]
+    plate = Surface(np.c_[V[:, 0], V[:, 1] * (1 + taper * V[:, 0]), V[:, 2]], plate.F)
+    axes = np.eye(3), np.diag([-1.0, -1.0, 1.0])
+    one, two = (diffusion_modes(plate, plain_operator(plate), 1, each).X[:, 0] for each in axes)
+    assert np.sign(one @ two) == sign

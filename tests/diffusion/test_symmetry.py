@@ -189,3 +189,30 @@ def test_stress_becomes_symmetric_and_symmetric_stress_stays():
     assert np.abs(mean - sigma).max() > 1
     for R, face in zip(found.R, found.faces, strict=True):
         assert R.T @ mean[face] @ R == pytest.approx(mean)
+
+
+@pytest.mark.parametrize(("lean", "is_symmetric"), [(0.008, True), (0.012, False)])
+def test_a_load_may_lean_by_a_hundredth_and_still_count_as_symmetric(lean, is_symmetric):
+    """Its image leans to the other side, so that the resultants differ by twice that share."""
+    plate, load = loaded_square()
+    leaning = LoadCase(load.fixed, load.force + np.outer(plate.vertex_areas, [lean, 0, 0]), load.loaded)
+    if is_symmetric:
+        assert symmetry_of(plate, ["x"], leaning).order == 2
+        return
+    with pytest.raises(PatternError, match="their resultants differ by 2%"):
+        symmetry_of(plate, ["x"], leaning)
+
+
+@pytest.mark.parametrize(("share", "is_symmetric"), [(0.45, True), (0.65, False)])
+def test_up_to_three_tenths_of_a_load_may_lie_elsewhere_than_its_image(share, is_symmetric):
+    """An odd cubic without a moment is added to an even load; smoothed over two edges, half of the share remains."""
+    plate, load = loaded_square()
+    x, area = plate.V[:, 0], plate.vertex_areas
+    odd = x**3 - (area @ x**4) / (area @ x**2) * x
+    odd *= share / 2 * area.sum() / (area @ np.abs(odd))
+    uneven = LoadCase(load.fixed, np.outer(area * (1 + odd), [0, 0, -1.0]), load.loaded)
+    if is_symmetric:
+        assert symmetry_of(plate, ["x"], uneven).order == 2
+        return
+    with pytest.raises(PatternError, match=r"\d+% of them have no image"):
+        symmetry_of(plate, ["x"], uneven)

@@ -206,3 +206,17 @@ def test_four_times_the_points_are_looked_for_about_four_times_as_often(monkeypa
         assert largest_symmetry(surface, axes, [load]).order == 8
     assert surface.n > 8_000
     assert 0 < looked[1] < 5 * looked[0]
+
+
+def test_a_plane_is_refused_after_a_look_at_about_a_hundred_points(monkeypatch):
+    """The plate has 2,500 points; without the sample all of them are looked for at each plane and turn that fails."""
+    plate, looked = grid(49, 49, 2.0, 1.3), []
+
+    def noted(surface, tree, points, find=symmetry.largest_distance):
+        looked.append(len(points))
+        return find(surface, tree, points)
+
+    monkeypatch.setattr(symmetry, "largest_distance", noted)
+    leaning = Surface(plate.V @ Rotation.from_euler("z", 20, degrees=True).as_matrix().T, plate.F)
+    assert largest_symmetry(leaning, np.eye(3), []).order == 4  # mirrored in its own plane and turned by half a turn
+    assert 50 < max(looked) < 200

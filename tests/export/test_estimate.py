@@ -147,3 +147,15 @@ def test_the_command_line_estimates_and_writes_nothing(capsys, tmp_path, monkeyp
     assert not any(tmp_path.iterdir())
     flags = StepFlags("faceted", 5, 0.5)
     assert flags.overrides() == ('export.step="faceted"', "export.step_faces=5", "export.step_mb=0.5")
+
+
+@pytest.mark.parametrize(("change", "is_simpler"), [(-0.004, True), (-0.006, False)])
+def test_a_simplified_solid_keeps_its_volume_to_half_a_hundredth(change, is_simpler, monkeypatch):
+    box = part_of(solid_box(size=np.full(3, 0.1)), "box")
+    fine = prepared(finely(solid_box(size=np.full(3, 0.1))))
+    monkeypatch.setattr(file_size, "coarsen_mesh", lambda V, F, step: (box.V * (1 + change) ** (1 / 3), box.F))
+    if is_simpler:
+        assert len(file_size.simplified_part(fine, 5.0).F) == 12
+        return
+    with pytest.raises(ExportError, match="does not become simpler"):
+        file_size.simplified_part(fine, 5.0)

@@ -263,3 +263,13 @@ def test_a_bay_that_grazes_another_member_is_not_slender(vault):
     near = np.linalg.norm(two.points[two.ends[beside]] - node.point, axis=2).min(axis=1)
     assert beside.sum() > (one.stout == 1).sum()
     assert near.min() < 0.1
+
+
+@pytest.mark.parametrize(("ratio", "share"), [(0.3, 0.0), (0.4, 1.0)])
+def test_bays_wider_than_a_third_of_their_length_do_not_count_as_beams(ratio, share):
+    """Joints take half of the length of such a bay."""
+    made = loaded_bar()
+    made, one = replace(made, stout=np.full(4, ratio)), dict.fromkeys(made.loads, 1.0)
+    sheet = dict.fromkeys(made.loads, SimpleNamespace(compliance=1.0, largest_displacement=1.0))
+    found = agreement(made, solve_frame(made), sheet, dict.fromkeys(made.loads, 0.0), one)
+    assert {round(each.stout, 9) for each in found} == {share}

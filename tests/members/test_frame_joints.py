@@ -10,7 +10,8 @@ from scipy.sparse.csgraph import connected_components
 
 from dsfab.members import Member, MemberGraph
 from dsfab.members.frame import BeamMaterial, Frame, frame_of, solve_frame
-from dsfab.members.frame.joints import join_ends, joints_at_nodes
+from dsfab.members.frame.beams import beams_along
+from dsfab.members.frame.joints import AxisJoints, join_ends, joints_at_nodes
 from dsfab.surface import LoadCase, Surface
 from tests.members.axes import axis
 from tests.shapes import grid, subsurface
@@ -107,3 +108,27 @@ def test_no_node_turns_where_whole_faces_are_held(held, turns):
     assert fixed[:, :3].all()
     assert fixed[:, 3:].any() != turns
     assert fixed[:, 3:].all() != turns
+
+
+def one_rib(length: float = 2.0) -> AxisJoints:
+    plate = grid(20, 2, length, 0.2)
+    joints = joints_at_nodes(graph(plate, member("A1", ((0.0, 0.1), (length, 0.1)), np.arange(plate.m))))
+    joints.ends["A1"] = 0.0, length
+    return joints
+
+
+def test_joints_on_an_axis_share_a_node_if_they_are_nearer_than_a_quarter_of_its_width():
+    joints = one_rib()
+    (rib,) = joints.members_with_axis
+    first, near, beside = (joints.place(rib, 1 + share * 0.2, "joint") for share in (0.0, 0.22, 0.28))
+    assert first == near != beside
+
+
+@pytest.mark.parametrize(("share", "nodes"), [(0.7e-3, 2), (1.3e-3, 3)])
+def test_a_bay_shorter_than_a_thousandth_of_the_width_is_no_beam(share, nodes):
+    """The end of the member then counts as its last node; a beam of no length would have no stiffness."""
+    joints = one_rib(0.19)
+    (rib,) = joints.members_with_axis
+    joints.on[rib.id].append((share * 0.2, joints.node(rib.axis.frames_at(np.array([share * 0.2]))[0][0], "node")))
+    beams = beams_along(joints)
+    assert len(np.unique(beams.ends)) == len(beams.ends) + 1 == nodes

@@ -543,3 +543,14 @@ def test_slivers_join_their_stripe_and_corners_between_stripes_join_none():
     cells = _without_slivers(sheet, np.array([0, 1, 0, 2])[column], column % 2 == 0)
     assert (cells.label == np.array([1, 1, 0, 2])[column]).all()
     assert (cells.loose == (column == 2)).all()
+
+
+@pytest.mark.parametrize(("length", "kind"), [(0.8, "disc"), (1.3, "ring")])
+def test_kept_material_around_a_short_line_is_a_disc_and_around_a_long_one_it_is_not(length, kind):
+    """A disc has over 0.4 of the area of a circle of equal outline; here both lie .1 m around a line: .49 and .35."""
+    surface, pattern = striped_plate([lambda x, y: (y - 0.2) / 3], 0.02, edge=0.05, shake=0.0)
+    x, y, _ = surface.V.T
+    away = np.hypot(np.clip(np.abs(x - 1) - length / 2, 0, None), y - 0.8)
+    levels, widths = (np.array([-0.1]), *pattern.levels), (np.full(surface.n, np.inf), *pattern.half_widths)
+    graph = graph_of(surface, PatternResult(("keep", "major"), (-away, *pattern.fields), levels, widths))
+    assert {member.kind for member in graph.members} == {"strip", kind}

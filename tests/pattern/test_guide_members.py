@@ -5,10 +5,11 @@ import pytest
 
 from dsfab.core.errors import PatternError, PresetError
 from dsfab.pattern import Guide, Stripes
-from dsfab.pattern.guides import GuideError
+from dsfab.pattern.guides import GuideError, GuideLine
 from dsfab.preset.file import load_preset
 from dsfab.surface.mesh import nearest_places
 from tests.pattern.pulled_plates import pulled, towards
+from tests.shapes import grid
 
 MIDDLE = np.array([1.5, 1.5, 0.0])
 SPACING = 0.375
@@ -106,3 +107,12 @@ def test_invalid_member_guides_are_refused_in_one_sentence():
         load_preset("dome", {"pattern.guide": [{"curve": straight(0), "member": 3}]})
     with pytest.raises(PatternError, match=r"guide\.0: the curve is outside the surface's edge"):
         guided([[0.5, -0.1, 0.0], [2.5, -0.1, 0.0]]).even  # noqa: B018
+
+
+@pytest.mark.parametrize(("beyond", "is_kept"), [(0.7e-9, True), (1.4e-9, False)])
+def test_a_guide_may_begin_beyond_the_edge_of_the_surface_by_a_rounding_error(beyond, is_kept):
+    """Such as a curve that was drawn up to the edge; what is farther beyond is cut off."""
+    plate = grid(4, 4, 1.0, 1.0)
+    guide = Guide(curve=((-beyond * plate.size, 0.4, 0.0), (0.5, 0.4, 0.0)), member=True)
+    (line,) = GuideLine.from_guides(plate, [guide])
+    assert (line.points[0, 0] < 1e-6) == is_kept

@@ -89,6 +89,19 @@ def test_a_locked_edge_is_the_middle_of_a_stripe():
     assert abs(high.mean() - low.mean()) == pytest.approx(5, abs=0.01)  # 5.2 periods are asked: 5 fit
 
 
+@pytest.mark.parametrize(("aim", "is_met"), [(0.08, True), (0.2, False)])
+def test_a_locked_phase_that_nearly_meets_its_target_meets_it_exactly(aim, is_met):
+    """Without its lock a vertex between two edges would have the phase -.13; the lock draws it to .04 or .13."""
+    plate = grid(24, 15, 3.2, 2.0)
+    at = int(np.linalg.norm(plate.V - [1.6, 2 * 7 / 15, 0], axis=1).argmin())
+    lock, aims = plate.V[:, 1] < 1e-9, np.zeros(plate.n)
+    lock[at], aims[at] = True, aim
+    flow = Flow(Frames.for_surface(plate), np.tile([0.0, 1.0, 0.0], (plate.n, 1)), np.full(plate.n, 2.0))
+    found = flow.solve(np.ones(plate.n), lock, aim=aims)[at]
+    assert (found == aim) == is_met
+    assert found == pytest.approx(aim - (0.0 if is_met else 0.066), abs=0.005)
+
+
 def test_an_edge_shorter_than_the_spacing_gets_no_stripe():
     plate = grid(16, 10, 3.2, 2.0)
     g = np.tile([0.0, 1.0, 0.0], (plate.n, 1))

@@ -13,6 +13,7 @@ from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.slicing.finishing.fillets import rounded_corners
 from dsfab.slicing.finishing.opening_corners import CHORD
 from dsfab.slicing.measures.widths import features
+from dsfab.statics.elements import heights
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults
 from tests.presets import BARREL_VAULT_MODES
@@ -276,3 +277,32 @@ def test_a_build_reports_the_fillet_radius_that_it_reached(radius, told):
     """Millimetres for metres are seen: nothing is rounded, and that is said."""
     made = dsfab.run(dsfab.load_preset(BARREL_VAULT_MODES, {"surface.edge": 0.5, "pattern.fillet": radius}))
     assert any(re.fullmatch(told, note.text) for note in made.notes)
+
+
+def square_hole(plate: Surface, half: float, island: float = 0.0) -> Sheet:
+    """A unit plate with a square opening about its middle, and in this a square of material."""
+    away = np.abs(plate.V[:, :2] - 0.5).max(axis=1)
+    return cut(plate, [away, -away], [[half], [-island]], snap=0)
+
+
+def test_an_arc_that_would_reach_an_island_shrinks_until_it_is_clear():
+    """The island's corner is .05 m from both walls: an arc with chords is clear of it below .16 m or so."""
+    plate = grid(20, 20, 1.0, 1.0)
+    sheet = square_hole(plate, 0.3, 0.25)
+    done, found = rounded_corners(sheet, 0.24)
+    assert len(found) == 4
+    assert (found > 0.7 * 0.16).all()
+    assert (found < 0.17).all()
+    check_added(plate, sheet, done)
+
+
+@pytest.mark.parametrize(("share", "is_sliver"), [(1.5e-3, False), (2.6e-3, True)])
+def test_a_fillet_runs_through_vertices_that_are_very_near_so_that_it_makes_no_slivers(share, is_sliver):
+    """A vertex lies beyond the middle of an arc's middle chord, of 30 degrees, by a share of the radius."""
+    plate, radius = grid(20, 20, 1.0, 1.0), 0.1
+    place = np.full(2, 0.7 - radius) + radius * (np.cos(np.radians(15)) + share) / np.sqrt(2)
+    V = plate.V.copy()
+    V[np.linalg.norm(V[:, :2] - place, axis=1).argmin(), :2] = place
+    done, found = rounded_corners(square_hole(Surface(V, plate.F), 0.2), radius)
+    assert found == pytest.approx([radius] * 4)
+    assert (heights(done.surface).min() < 0.01 * radius) == is_sliver

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
-from dsfab.slicing import chart_of, cut, halve_lines
+from dsfab.slicing import Chart, chart_of, cut, halve_lines
 from dsfab.slicing.cutting.sheet import Sheet
-from dsfab.slicing.measures.lines import CornerLines, chart_lines, edge_lines
+from dsfab.slicing.measures.chart import StripeChart, stripe_middles
+from dsfab.slicing.measures.lines import CornerLines, chart_lines, clip_segments, edge_lines
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField
 from tests.shapes import grid, jittered
@@ -100,3 +102,49 @@ def test_a_line_that_no_member_was_drawn_along_does_not_cross_other_members():
     sheet = cut(plate, [-np.ones(plate.n), band], [[], np.arange(9.0)], 0.0).subset()
     assert chart_lines(sheet, plate, NAMES, "major", chart, np.full(plate.n, 0.2)) == []
     assert len(chart_lines(sheet, plate, NAMES, "minor", chart, np.full(plate.n, 0.2))) == 2
+
+
+@pytest.mark.parametrize(("shift", "count"), [(0.7e-6, 5), (1.4e-6, 4)])
+def test_a_middle_beside_vertices_by_a_rounding_error_runs_through_them(shift, count):
+    """Vertices are beside whole numbers of the phase by `shift` periods, so that the first line may miss the plate."""
+    plate = grid(4, 2, 1.0, 0.5)
+    z, scale = 4 * plate.V[:, :2] + shift, np.ones((plate.n, 2))
+    chart = Chart(plate, np.arange(plate.m), csr_array(np.eye(plate.n)), z, scale)
+    stripes = StripeChart.from_chart(chart, np.full((plate.n, 2), 0.2), -np.ones(plate.n))
+    assert stripe_middles(stripes, 0).length.sum() == pytest.approx(0.5 * count)
+
+
+@pytest.mark.parametrize(("gap", "count"), [(0.7e-7, 1), (1.4e-7, 2)])
+def test_a_line_goes_on_across_a_gap_that_is_a_rounding_error(gap, count):
+    """A face with two quads as its sheet, .25 wide, apart by a share of a line that runs through both."""
+    x, y = np.array([0, 0.25, 0.25 + gap / 2, 0.5]), np.array([0.1, 0.3])
+    P = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((4, 2))], axis=-1).reshape(-1, 3)
+    F = np.array([[0, 2, 3], [0, 3, 1], [4, 6, 7], [4, 7, 5]])
+    face = Surface([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    weights = np.c_[1 - P.sum(axis=1), P[:, :2]]
+    none = np.zeros(4, dtype=int)
+    sheet = Sheet(Surface(P, F), none, none, csr_array(weights))
+    chart = Chart(face, none[:1], csr_array(np.eye(3)), np.zeros((3, 2)), np.ones((3, 2)))
+    spans = clip_segments(chart, none[:1], np.array([[[0.8, 0, 0.2], [0.3, 0.5, 0.2]]]), none[:1], sheet, face.F)
+    assert len(spans.begin) == count
+    assert (spans.begin[0], spans.end[-1]) == (0, 1)
+
+
+@pytest.mark.parametrize(("shift", "count"), [(0.7e-9, 3), (1.3e-9, 2)])
+def test_a_line_that_misses_the_boundary_by_a_rounding_error_is_drawn_along_it(shift, count):
+    """The phase is 0, 1, 2 along the left boundary, in the middle and along the right boundary, plus a shift."""
+    plate = grid(10, 6, 1.0, 1.0)
+    turned = np.zeros(plate.m, dtype=bool)
+    sheet, _, _ = drawn(plate, 2 * plate.V[:, 0], np.full(plate.n, 0.5), turned)
+    z = np.c_[2 * plate.V[:, 0] + shift, np.full(plate.n, 0.5)]
+    chart = Chart(plate, np.arange(plate.m), csr_array(np.eye(plate.n)), z, np.ones((plate.n, 2)))
+    lines = chart_lines(sheet, plate, NAMES, "major", chart, np.full(plate.n, 0.2))
+    assert [line.length for line in lines] == pytest.approx([1.0] * count)
+
+
+@pytest.mark.parametrize(("away", "vertex"), [(0.7e-9, 0), (1.3e-9, -1)])
+def test_a_vertex_of_a_sheet_is_one_of_the_surface_if_only_rounding_parts_them(away, vertex):
+    face = Surface([[away, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    weights = np.c_[1 - face.V.sum(axis=1), face.V[:, :2]]
+    sheet = Sheet(face, np.zeros(1, dtype=int), np.zeros(1, dtype=int), csr_array(weights))
+    assert sheet.same_vertex().tolist() == [vertex, 1, 2]

@@ -17,19 +17,22 @@ LEFT, RIGHT = 1.1, 3.9
 """Where the two posts, .2 wide, end towards each other."""
 
 
-def sheet_of(rise: float, snap: float = 0.0, blank: tuple[float, float] = (AT + 0.2, 1.5)) -> Sheet:
-    """A stripe .3 wide from the left, that goes on higher by `rise` behind one column of faces; one of these is blank,
-    so that it is two stripes that meet in a node, or passes by."""
+def sheet_of(
+    rise: float, blank: tuple[float, float] = (AT + 0.2, 1.5), widest: float = HALF, narrowest: float = HALF
+) -> Sheet:
+    """A stripe from the left, that goes on higher by `rise` behind one column of faces; one of these is blank, so that
+    it is two stripes that meet in a node, or passes by. Its half-width is `narrowest` at the posts."""
     x, y, _ = PLATE.V.T
     z = y - LOW - rise * np.clip((x - AT) / STEP, 0, 1)
-    band = np.stack([z + HALF, z - HALF], axis=1)
+    half = np.where((x > 1.3) & (x < 3.7), widest, narrowest)
+    band = np.stack([z + half, z - half], axis=1)
     stripe = CornerField(band, np.ones((PLATE.m, 3)), np.zeros((PLATE.m, 3)), blank_face(*blank))
     d = np.full(PLATE.n, 0.1)
     fields = [-np.minimum(y, HIGH - y), stripe, np.stack([x + d, x - d], axis=1)]
     levels = [[-FRAME], [0.0], [LEFT - 0.1, RIGHT + 0.1]]
     tidy = Tidy((False, True, True), (None,) * 3, np.zeros(PLATE.n, dtype=bool))
-    sheet = tidied_sheet(PLATE, fields, levels, snap, tidy)
-    assert material_area(PLATE, fields, levels, snap, tidy) == pytest.approx(material(sheet))
+    sheet = tidied_sheet(PLATE, fields, levels, 0.0, tidy)
+    assert material_area(PLATE, fields, levels, 0.0, tidy) == pytest.approx(material(sheet))
     assert sheet.surface.area == pytest.approx(PLATE.area)
     assert not manifold_faults(sheet.surface.F, sheet.surface.edges, sheet.surface.n)
     assert parts(sheet) == 1
@@ -64,15 +67,16 @@ def test_a_bar_that_is_straight_but_for_less_than_is_seen_stays():
     assert sheet.stubs == 0
 
 
-def test_a_member_that_bends_stays(monkeypatch):
-    """It leaves the straight line by more than it may: what is far from it is not a jog."""
-    monkeypatch.setattr(straight_bars, "FAR", 0.3)
-    assert sheet_of(0.2).stubs == 0
+@pytest.mark.parametrize(("rise", "count"), [(0.75, 1), (1.05, 0)])
+def test_a_member_that_bends_by_more_than_one_and_a_half_widths_stays(rise, count):
+    """What is so far from the straight line is not a jog; its outline is off by 5 / 3 of the rise, in widths."""
+    assert sheet_of(rise).stubs == count
 
 
-def test_a_bar_that_would_lose_most_of_itself_stays(monkeypatch):
-    monkeypatch.setattr(straight_bars, "LARGER", 1.0)
-    assert sheet_of(0.2).stubs == 0
+@pytest.mark.parametrize(("half", "count"), [(0.14, 1), (0.19, 0)])
+def test_a_bar_that_would_lose_most_of_itself_stays(half, count):
+    """It is .12 m wide at both posts, as the straight one is, and over twice as wide between them."""
+    assert sheet_of(0.06, widest=half, narrowest=0.06).stubs == count
 
 
 BESIDE = (AT + 0.2, 1.85)

@@ -139,3 +139,11 @@ def test_hooks_of_imported_surfaces_are_removed_without_new_defects(name, least,
     assert pieces_before == pieces_after == 1
     assert ends_after <= ends_before
     assert near < 0.1 < 0.3 < far
+
+
+@pytest.mark.parametrize(("gap", "count"), [(0.3, 0), (0.4, 1)])
+def test_a_bar_across_a_narrow_opening_stays_if_the_opening_without_it_is_small(gap, count):
+    """Without the bar the opening is 0.55 or 0.72 times as large as most."""
+    middle, half = 2.375, gap / 2 + 0.1
+    posts = [middle - half - 1, middle - half, middle + half, middle + half + 1]
+    assert sheet_of(posts, 1.5, 2.45).stubs == count

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.slicing.finishing.fillets import rounded_corners
 from dsfab.slicing.finishing.least_widths import narrow_members, widened_members
-from dsfab.slicing.measures.widths import features
+from dsfab.slicing.measures.widths import crossings, features
 from dsfab.surface import Surface
-from tests.shapes import grid, jittered
+from tests.shapes import grid, jittered, quartered
 from tests.slicing.bridges import check_bridged
 from tests.slicing.laws import material_area
 from tests.slicing.striped_balls import striped_ball
@@ -99,3 +99,11 @@ def test_laws_on_a_ball_with_curved_stripes(frequency, level, width, seed):
     ball, sheet = striped_ball(frequency, level, seed)
     done, _ = widened_members(sheet, sheet, width)
     check_bridged(ball, sheet, resolve_pinches(done, 1e-3).sheet if done is not sheet else done)
+
+
+@pytest.mark.parametrize(("degrees", "is_tip"), [(1.2, False), (1.8, True)])
+def test_a_member_that_tapers_by_over_one_and_a_half_degrees_ends_in_a_tip(degrees, is_tip):
+    """A tip has no least width; a long member whose walls are nearly parallel has one."""
+    half = np.tan(np.radians(degrees / 2))
+    wedge = quartered(quartered(Surface([[0, 0, 0], [1, -half, 0], [1, half, 0]], [[0, 1, 2]])))
+    assert (len(crossings(wedge, wedge.edges.boundary).width) == 0) == is_tip

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dsfab.core.errors import StaticsError
-from dsfab.statics import Material, SheetModel, elements_of, solve_cases, solve_for
+from dsfab.statics import Material, SheetModel, elements_of, needle_message, solve_cases, solve_for
 from dsfab.surface import LoadCase, Surface
 from tests.shapes import lifted
 
@@ -43,3 +43,10 @@ def test_a_mechanism_is_refused_with_needles_or_without():
         sheet = bent_sheet(gap)
         with pytest.raises(StaticsError, match="hold more directions"):
             solve_for(sheet, pressed(sheet.surface, 1e-9), "compliance_once")
+
+
+@pytest.mark.parametrize(("height", "count"), [(0.017, 1), (0.023, 0)])
+def test_a_triangle_is_a_needle_if_it_is_lower_than_a_fiftieth_of_its_longest_edge(height, count):
+    message = needle_message(Surface([[0, 0, 0], [3, 0, 0], [1.5, 3 * height, 0], [1, -1, 0]], [[0, 1, 2], [1, 0, 3]]))
+    assert message.startswith("1 of 2 triangle is a needle") == bool(count)
+    assert bool(message) == bool(count)

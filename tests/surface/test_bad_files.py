@@ -338,3 +338,14 @@ def test_commas_in_numbers_are_named(tmp_path):
     (tmp_path / "roof.obj").write_text("v 0 0 0\nv 1 0 oops\nv 0 1 0\nf 1 2 3\n")
     with pytest.raises(SurfaceError, match=r"line 2 cannot be read: 'v 1 0 oops'\)"):
         read_surface(tmp_path / "roof.obj")
+
+
+@pytest.mark.parametrize(("corners", "by_earcut"), [(1200, True), (3000, False)])
+def test_polygons_of_over_two_thousand_corners_are_cut_by_delaunay(corners, by_earcut, monkeypatch):
+    """Earcut is faster for few corners and takes up to n^2 steps for many."""
+    asked = []
+    monkeypatch.setattr(polygon_cuts, "_earcut", lambda flat, cut=polygon_cuts._earcut: asked.append(1) or cut(flat))
+    angle = 2 * np.pi * np.arange(corners) / corners
+    flat = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (2 + np.arange(corners)[:, None] % 2)
+    assert len(large_polygon_triangles(np.c_[flat, 0 * angle])) == corners - 2
+    assert bool(asked) == by_earcut

@@ -1,6 +1,7 @@
 """Drawings as people and machines write them: arrays of blocks, bombs, files that are cut off, and their bounds."""
 
 import time
+from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import ClosedCurves
 from dsfab.surface.files.drawings import SAME_PLACE, _loops, read_dxf
-from dsfab.surface.files.reading import DrawingBudget
+from dsfab.surface.files.reading import Content, DrawingBudget, contents
 from dsfab.surface.loads.outlines import enclosed_area
 from tests.fuzz.corpus import ENTITIES, dxf
 from tests.surface.outline_drawings import drawing
@@ -154,3 +155,11 @@ def test_three_points_are_a_curve_and_two_are_not_however_near():
     near = 0.5 * SAME_PLACE * 5
     short, rest = [[1, 1], [1 + near, 1]], [[1 + near, 1], [2, 1], [2, 2], [1, 1]]
     assert curves(short, rest) == [spatial([*short, *rest[1:-1]]).tolist()]
+
+
+@pytest.mark.parametrize(("layers", "lines"), [(5, 5), (6, 1)])
+def test_objects_hidden_on_many_layers_are_one_line(layers, lines):
+    counts = Counter({Content("hidden object", "beside", f"on layer {k}"): 2 for k in range(layers)})
+    found = contents(counts)
+    assert len(found) == lines
+    assert sum(thing.count for thing in found) == 2 * layers

@@ -7,12 +7,14 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from dsfab.core.arrays import area_vectors, edge_lengths, face_angles, polygon_perimeter, unit_vectors
+from dsfab.surface import Surface
 from dsfab.surface.edge_changes import (
     contracted_faces,
     has_new_diagonal,
     leading_candidates,
     meets_link_condition,
     quads,
+    with_flipped_edges,
     with_other_diagonals,
 )
 from dsfab.surface.shapes import torus
@@ -100,3 +102,12 @@ def test_lengths_and_areas_of_a_known_triangle():
 def test_unit_vectors_have_length_1_except_zero_vectors():
     x = np.array([[[3.0, 0, 4], [0, 0, 0]], [[0, -1e-100, 0], [0, 0, 1e-3]]])
     assert_allclose(unit_vectors(x), [[[0.6, 0, 0.8], [0, 0, 0]], [[0, -1, 0], [0, 0, 1]]])
+
+
+@pytest.mark.parametrize(("gain", "flips"), [(0.8, False), (1.2, True)])
+def test_an_edge_flips_if_the_smallest_angle_gains_more_than_a_degree(gain, flips):
+    """The long diagonal of a rhombus halves its acute angle, 90 degrees less the gain; the short one its other."""
+    long = 1 / np.tan(np.radians(45 - gain / 2))
+    rhombus = Surface(np.array([[-long, 0, 0], [0, -1, 0], [long, 0, 0], [0, 1, 0]]), SQUARE)
+    new = with_flipped_edges(rhombus, np.ones(4, dtype=bool), np.empty((0, 2), dtype=int), 0.0)
+    assert ([1, 3] in new.edges.ends.tolist()) == flips

@@ -291,3 +291,13 @@ def test_supports_and_loads_come_from_toml():
 def test_wrong_tables_are_refused_by_pydantic_with_the_key(kind, table, says):
     with pytest.raises(ValidationError, match=says):
         TypeAdapter(kind).validate_python(table)
+
+
+@pytest.mark.parametrize(("letters", "fits"), [(40, True), (41, False)])
+def test_a_name_has_up_to_forty_letters_so_that_it_fits_a_column(letters, fits):
+    text = {"at": {"pick": "all"}, "name": letters * "a"}
+    if fits:
+        assert TypeAdapter(Support).validate_python(text).name == letters * "a"
+        return
+    with pytest.raises(ValidationError, match="must be up to 40 letters"):
+        TypeAdapter(Support).validate_python(text)

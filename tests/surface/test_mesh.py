@@ -265,3 +265,14 @@ def test_pieces_equal_the_connected_components_of_scipy(count, share):
     found = link_components(count, i, j)
     assert found[0] == parts
     assert_array_equal(found[1], label)
+
+
+@pytest.mark.parametrize(("share", "collapsed"), [(0.7e-20, True), (1.4e-20, False)])
+def test_a_face_counts_as_collapsed_below_a_rounding_error_of_the_area(share, collapsed):
+    """A third face has the area of this share of 5 m2, the squared diagonal of the square."""
+    V = [*SQUARE, [2, 0, 2 * 5 * share]]
+    if not collapsed:
+        assert Surface(V, [*TWO, [1, 2, 4]]).m == 3
+        return
+    with pytest.raises(SurfaceError, match="1 of 3 faces"):
+        Surface(V, [*TWO, [1, 2, 4]])

@@ -371,3 +371,18 @@ def test_a_line_pierces_both_sides_of_a_ball():
     assert np.allclose(-2 + 4 * t, [-z, z], atol=0.01)
     assert isinstance(ball, Surface)
     assert (ball.normals[faces][:, 2] * [-1, 1] > 0).all()
+
+
+def test_a_narrow_gap_between_two_strokes_stays_open():
+    """The gap is a tenth of a stroke's radius, and the mesh is much coarser."""
+    radius, gap = 0.6, 0.06
+    bend, x = radius + gap / 2, np.linspace(1, 3, 11)
+    turn = np.linspace(-np.pi / 2, np.pi / 2, 9)
+    way = [*((s, -bend) for s in x), *zip(3 + bend * np.cos(turn), bend * np.sin(turn), strict=True)]
+    way += [(s, bend) for s in x[::-1]]
+    coarse = grid(7, 7, 8.0, 6.0)
+    coarse = Surface(coarse.V - (1, 3.03, 0), coarse.F)
+    extent = Brush(tuple((float(x), float(y), 0.0) for x, y in way), radius).extent(coarse)
+    made = with_outline(coarse, extent, np.zeros(coarse.n, dtype=bool)).surface
+    area = made.areas[extent.depth(made.centroids) > 0].sum()
+    assert area == pytest.approx((4 + np.pi * bend) * 2 * radius + np.pi * radius**2, rel=5e-3)

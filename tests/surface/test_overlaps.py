@@ -414,3 +414,11 @@ def test_proposed_supports_depend_on_no_unit_and_no_place(tmp_path):
     assert len(lines[0]) == 2
     assert lines[1] == pytest.approx(lines[0], rel=1e-9)
     assert lines[2] == pytest.approx(lines[0], rel=1e-6)
+
+
+@pytest.mark.parametrize(("share", "count"), [(0.85, 1), (0.75, 0)])
+def test_sheets_are_parallel_if_the_smaller_has_over_four_fifths_of_the_area(share, count):
+    """A far smaller sheet is another part, such as a patch or a canopy."""
+    large, small = grid(8, 8, 1.0, 1.0), grid(8, 8, 1.0, share)
+    both = joined(large, Surface(small.V + [0, (1 - share) / 2, 0.05], small.F))
+    assert len(list(parallel_remarks(both.V, both.F))) == count

@@ -123,3 +123,13 @@ def test_a_vault_that_is_ten_metres_long_stands_on_ten_metres_each_side(tmp_path
     assert "ragged edges straightened" in told
     found = re.findall(r"springing line \d \(([\d.]+) m\)", told)
     assert [float(long) for long in found] == pytest.approx([10, 10], abs=0.5)
+
+
+@pytest.mark.parametrize(("turns", "straight"), [(10, False), (13, True)])
+def test_a_border_is_ragged_from_twelve_turns_on(turns, straight):
+    """A few turns may be intended: a door has four corners, and a small opening a dozen edges."""
+
+    def place(x, y):
+        return x, y + 0.3 * (-1) ** x * ((y == 0) & (x > 5) & (x <= 5 + turns)), 0 * x
+
+    assert (even_edges(*squares(24, 3, place)).moved > 0) == straight

@@ -272,7 +272,7 @@ def test_impossible_lengths_are_refused(edge, finest, says):
 
 
 def test_a_finest_edge_that_takes_too_many_triangles_is_refused(monkeypatch):
-    monkeypatch.setattr("dsfab.surface.remesh.remeshing.LARGEST", 300)
+    monkeypatch.setattr("dsfab.surface.remesh.remeshing.MOST_FACES", 300)
     ball = Surface(0.1 * sphere(3).V, sphere(3).F)
     assert remeshed_surface(ball, 0.1).m < 300
     with pytest.raises(SurfaceError, match=r"edges of 0\.01 m takes over 300 triangles on a surface 0\.346 m large"):
@@ -350,3 +350,14 @@ def test_a_surface_has_one_tree_of_boxes(monkeypatch, smooth):
         made.clear()
         remeshed_surface(surface, 0.3, smooth=smooth)
         assert made.count(surface.m) == 1
+
+
+@pytest.mark.parametrize(("millions", "begins"), [(3.6, True), (4.4, False)])
+def test_a_mesh_of_over_four_million_triangles_is_refused_before_it_begins(millions, begins, monkeypatch):
+    def begin(surface):
+        raise InterruptedError
+
+    monkeypatch.setattr("dsfab.surface.remesh.remeshing.without_rim_slivers", begin)
+    edge = np.sqrt(4 / np.sqrt(3) / (1e6 * millions))  # of equal triangles on one square metre
+    with pytest.raises(InterruptedError if begins else SurfaceError):
+        remeshed_surface(grid(2, 2, 1.0, 1.0), edge)

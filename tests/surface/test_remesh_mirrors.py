@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from dsfab.surface import SizeField, Surface, mirror, remeshed_surface
+from dsfab.surface import SizeField, Surface, generated_group, mirror, remeshed_surface, round_axis
 from dsfab.surface.remesh.mirrors import Chamber, Mirrors
-from dsfab.surface.remesh.remeshing import SHARP_ANGLE
 from dsfab.surface.remesh.smoothing import NearestOnSurface
 from tests.shapes import grid, jittered, smallest_angle, sphere
 from tests.surface.needles import check_kept, cone_of_needles
@@ -86,14 +85,18 @@ def test_lengths_that_are_given_may_differ_from_side_to_side():
     assert right > 1.5 * left
 
 
-def test_a_round_surface_has_two_mirrors_and_mirrors_do_not_sharpen_a_tip():
+def test_a_round_surface_has_two_mirrors():
     dome = Mirrors.from_surface(NearestOnSurface(cone_of_needles(64)), 0.5, smooth=False)
     assert dome is not None
     assert len(dome.group) == 4
     assert abs(dome.normals[0] @ dome.normals[1]) < 1e-9
-    tip = Surface([[0, 0, 0], [4, -0.5, 0], [4, 0.5, 0]], [[0, 1, 2]])
-    assert Mirrors.from_surface(NearestOnSurface(tip), 0.1, smooth=False) is not None
-    assert smallest_angle(remeshed_surface(tip, 0.1)) > 0.6 * SHARP_ANGLE
+
+
+@pytest.mark.parametrize(("half_width", "halves"), [(1.3, False), (1.6, True)])
+def test_mirrors_halve_the_angle_of_a_tip_only_if_twenty_degrees_remain(half_width, halves):
+    tip = Surface([[0, 0, 0], [4, -half_width, 0], [4, half_width, 0]], [[0, 1, 2]])
+    assert Mirrors.from_surface(NearestOnSurface(tip), 0.12, smooth=False) is not None
+    assert (smallest_angle(remeshed_surface(tip, 0.12)) < 25) == halves
 
 
 def test_a_side_is_cut_out_along_the_planes():
@@ -106,3 +109,24 @@ def test_a_side_is_cut_out_along_the_planes():
     assert of.max() == chamber.piece.n - 1
     assert (whole.normals[:, 2] > 0).all()
     assert chamber.all_sides(chamber.piece.V + [0.02, 0.01, 0], chamber.piece.F) is None  # a gap along the planes
+
+
+def turn(degrees):
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def test_a_group_may_be_as_large_as_that_of_an_icosahedron_and_twice_as_large():
+    golden = (1 + 5**0.5) / 2
+    normals = [[1, 0, 0], [0, 1, 0], [0, 0, 1], np.array([golden, 1, 1 / golden]) / 2]
+    assert len(generated_group([mirror(np.array(normal)) for normal in normals])) == 120
+    assert len(generated_group([turn(360 / 240)])) == 240
+    with pytest.raises(OverflowError):
+        generated_group([turn(360 / 300)])
+
+
+@pytest.mark.parametrize(("share", "is_round"), [(0.004, True), (0.007, False)])
+def test_a_plate_is_round_if_its_sides_differ_by_less_than_half_a_hundredth(share, is_round):
+    """Moments of inertia, which go with the square of a side, then differ by a hundredth."""
+    axis = round_axis(grid(6, 6, 1.0, 1.0 + share), np.eye(3))
+    assert axis is None if not is_round else axis.tolist() == [0, 0, 1]

@@ -13,7 +13,6 @@ from dsfab.core.errors import PresetError, SolidError
 from dsfab.surface import Surface
 from dsfab.surface.loads.pickers import All, Ball, Side
 from dsfab.thickening import Base, Solid, SplitBodies, offsets, parts, thicken, with_extras
-from dsfab.thickening.extras.bodies import ROUND
 from dsfab.thickening.extras.cutting import Holes, Trim
 from dsfab.thickening.extras.feet_and_rings import Feet, Ring
 from dsfab.thickening.self_intersection import intersecting_pairs
@@ -46,8 +45,8 @@ def made(what: tuple[Solid, Base], *extras) -> Solid:
 
 
 def rod(diameter: float, length: float) -> float:
-    """Volume of a prism of `ROUND` sides in a cylinder."""
-    return ROUND / 2 * (diameter / 2) ** 2 * np.sin(2 * np.pi / ROUND) * length
+    """Volume of a prism of 48 sides in a cylinder, 0.3 % less than that of the cylinder."""
+    return 24 * (diameter / 2) ** 2 * np.sin(np.pi / 24) * length
 
 
 def test_holes_take_their_volume_and_make_handles(thick_plate):

@@ -207,7 +207,7 @@ def _release(solver: Any) -> None:
         solver.free_memory(everything=True)
 
 
-ITERATIONS = 1000
+ITERATIONS = 1000  # Most steps of the multigrid solver, so that a failed solve ends; irregular sheets take hundreds.
 
 
 class ConvergenceError(DsfabError, ArithmeticError):

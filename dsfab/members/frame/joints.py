@@ -12,7 +12,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.members import Member, MemberGraph
 
 SAME = 0.25
-"""Two axes share one node if they are nearer than this fraction of the narrower width; otherwise a link joins them."""
+"""Joints on an axis share one node if they are nearer along it than this fraction of the member's mean width."""
 
 
 def fitting(halves: Floats, length: float) -> Floats:
@@ -49,7 +49,7 @@ class AxisJoints:
         return len(self.names) - 1
 
     def place(self, member: Member, s: float, name: str) -> int:
-        """Return the node of a member at an arc length; add a node if there is none."""
+        """Return the node of a member at an arc length, within `SAME`; add a node if there is none."""
         tolerance = SAME * member.mean_width
         for station, number in self.on[member.id]:
             if _distance(member, station, s) < tolerance:
@@ -102,7 +102,7 @@ def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
 
 def link_members(joints: AxisJoints, members: list[Member], lengths: tuple[float, float], name: str) -> tuple[int, int]:
     """Join two members at arc lengths of their axes, and return the nodes of both.
-    Near axes share one node; other axes get a link as wide as the narrower member."""
+    Axes may share a node there (`SAME`); otherwise a link joins them, as wide as the narrower member."""
     node_a, node_b = (joints.place(member, s, name) for member, s in zip(members, lengths, strict=True))
     if node_a != node_b:
         joints.links.append((node_a, node_b, min(member.mean_width for member in members)))

@@ -14,6 +14,7 @@ from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
 from dsfab.slicing.finishing.flat_openings import FlatOpenings, flat_openings_of, nearest_in_plane
 from dsfab.slicing.finishing.opening_corners import SMALLER, Arcs, Corners, circle_centres, tangent_arcs
+from dsfab.slicing.finishing.openings import SNAP
 from dsfab.slicing.finishing.point_contacts import pinched_vertices
 
 
@@ -129,8 +130,6 @@ def _distance(points: Floats, loops: list[Floats]) -> Floats:
     edges = np.stack([np.arange(len(after)), after], axis=1)
     return nearest_in_plane(points, np.concatenate(loops), edges).distance
 
-
-SNAP = 2e-3  # Vertices nearer to a chord than this fraction of the radius move onto the chord, to avoid slivers.
 
 COLUMNS = ("wall", "circle", "normal", "distance", "ray", "ray_distance")
 

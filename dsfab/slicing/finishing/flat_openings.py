@@ -12,7 +12,6 @@ from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.core.derived import derived
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.cutting.walls import next_in_chains
-from dsfab.slicing.finishing.opening_corners import TINY
 from dsfab.surface import NearestPlaces, nearest_places
 
 if TYPE_CHECKING:
@@ -52,7 +51,7 @@ class FlatOpenings:
         """Return the walls (indices into `wall`) nearest to points (p, 2), and positions (p,) on them, 0 to 1."""
         nearest = self._nearest(points)
         start, finish = self.start[nearest.simplex], self.start[self.after[nearest.simplex]]
-        size = np.maximum(np.linalg.norm(finish - start, axis=1), TINY)
+        size = np.maximum(np.linalg.norm(finish - start, axis=1), np.finfo(float).tiny)
         return nearest.simplex, np.clip(np.linalg.norm(nearest.place[:, :2] - start, axis=1) / size, 0, 1)
 
     def distance(self, points: Floats) -> Floats:

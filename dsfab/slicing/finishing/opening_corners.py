@@ -9,8 +9,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
 
 CHORD = float(np.radians(34))
-"""Largest angle of a chord's arc, radians: both are at most 1 - cos(17 degrees) = 1/23 of the radius apart."""
-TINY = 1e-300  # Replaces a zero length in a division.
+"""Largest angle of a chord's arc, radians. A chord is at most 1 - cos(17 degrees) = 1/23 of the radius from its arc."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +208,7 @@ class Corners:
 
         def share(neighbour: Ints) -> Floats:
             beyond: Floats = np.where(neighbour >= 0, t[neighbour], 0.0)
-            return np.asarray(t / np.maximum(t + beyond, TINY))
+            return np.divide(t, t + beyond, out=np.zeros_like(t), where=t > 0)
 
         room = 0.98  # arcs at both ends of a wall stay apart
         return room * ahead * share(self.previous_corner), room * behind * share(self.next_corner)
@@ -242,10 +241,9 @@ class Corners:
         reach = 2 * radius * self.tangents[rows] + radius
         ahead, behind = (np.minimum(length[rows], reach) for length in self.wall_lengths)
         arcs = tangent_arcs(self.wall_line(rows, ahead, back=True), self.wall_line(rows, behind, back=False), radius)
-        room_before, room_behind = self.rooms
-        least = np.minimum(
-            room_before[rows] / np.maximum(arcs.way_a, TINY), room_behind[rows] / np.maximum(arcs.way_b, TINY)
-        )
+        ways = np.array([arcs.way_a, arcs.way_b])
+        rooms = np.array(self.rooms)[:, rows]
+        least = np.divide(rooms, ways, out=np.full_like(ways, np.inf), where=ways > 0).min(axis=0)
         fits = 0.995  # for rounding errors; less than the margin of `rooms`
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)

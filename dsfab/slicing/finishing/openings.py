@@ -226,7 +226,7 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
 
 SIDES = np.array([-1.0, 1.0])
-SNAP = 2e-3  # Vertices this near to a strip's side move onto it; in half widths of the strip.
+SNAP = 2e-3  # Vertices this near to a cut move onto it, as a fraction of a fillet's radius or a strip's half-width.
 
 
 @dataclass(frozen=True, eq=False)

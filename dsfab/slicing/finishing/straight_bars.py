@@ -16,8 +16,6 @@ from dsfab.slicing.finishing.stubs import with_crossings
 from dsfab.surface import Surface, link_components
 from dsfab.surface.fields import CornerField
 
-TINY = 1e-12  # Smallest divisor, metres, so that a bar without length gives no NaN.
-
 
 @dataclass(frozen=True, eq=False)
 class FairBar:
@@ -47,8 +45,9 @@ class FairBar:
         normal = np.cross(spoke, ahead).sum(axis=0)
         normal /= np.linalg.norm(normal)
         axis = ends[1] - ends[0]
-        across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), TINY))
-        across /= max(float(np.linalg.norm(across)), TINY)
+        tiny = np.finfo(float).tiny  # a bar that ends where it begins gives no NaN
+        across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), tiny))
+        across /= max(float(np.linalg.norm(across)), tiny)
         widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
         if (widths < 0.4 * lengths).any():  # an oblique contact
             return None
@@ -97,7 +96,7 @@ class FairBar:
     @property
     def length(self) -> float:
         """Metres from contact to contact."""
-        return max(float(np.linalg.norm(self.ends[1] - self.ends[0])), TINY)
+        return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
     def _places(self, X: Floats) -> tuple[Floats, Floats]:
         """Return positions (k,) of points X (k, 3) along the bar, 0 to 1, and metres (k,) to the left of its axis."""

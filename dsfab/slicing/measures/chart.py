@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, lengths, lock, lock_floats, sorted_order
+from dsfab.core.limits import SAME_PHASE
 from dsfab.slicing.cutting.corner_fields import PolygonField
 from dsfab.slicing.cutting.cut import filled_polygons
 from dsfab.slicing.cutting.halving import LineHalving
@@ -15,8 +16,6 @@ from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.topology import EdgeTable, edge_table
-
-SLICING_SAME = 2.0**-30  # Phases count as equal if they differ by less than this, in periods.
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +54,7 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
         scale[:, k] = np.where(seen.blank, 0.0, 0.5 ** halved.level[mesh.cells.owner, k])[slot]
         z[:, k] = np.where(seen.blank, 0.5, seen.slot_values(0))[slot] * np.where(scale[:, k] > 0, scale[:, k], 1.0)
     flat = surface.F.ravel()
-    first_corner, vertex = _group_equal_rows(flat, np.rint(np.concatenate([z, scale], axis=1) / SLICING_SAME))
+    first_corner, vertex = _group_equal_rows(flat, np.rint(np.concatenate([z, scale], axis=1) / SAME_PHASE))
     chart_surface = Surface(surface.V[flat[first_corner]], vertex.reshape(-1, 3))
     weights = mesh.weights[flat[first_corner]]
     return Chart(chart_surface, mesh.parent[cell], weights, z[first_corner], scale[first_corner])

@@ -9,10 +9,11 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
+from dsfab.core.limits import SAME_PHASE
 from dsfab.slicing.cutting.cells import nearest_levels
 from dsfab.slicing.cutting.polygon_mesh import corner_places
 from dsfab.slicing.cutting.sheet import VOID, LineKind, Sheet
-from dsfab.slicing.measures.chart import SLICING_SAME, Chart
+from dsfab.slicing.measures.chart import Chart
 from dsfab.surface import Surface, chains
 from dsfab.surface.fields import CornerField, Kind, StructureLine, Track, level_lines, polyline_length
 from dsfab.surface.topology import EdgeTable, edge_table, half_edges
@@ -161,12 +162,12 @@ class Chords:
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
         wide = chart.carry(half_width)[chart.surface.F].min(axis=1) > 0
         live = np.flatnonzero((scale > 0).all(axis=1) & wide)
-        low = np.ceil(y[live].min(axis=1) - SLICING_SAME)
-        count = (np.floor(y[live].max(axis=1) + SLICING_SAME) - low + 1).astype(np.int64)
+        low = np.ceil(y[live].min(axis=1) - SAME_PHASE)
+        count = (np.floor(y[live].max(axis=1) + SAME_PHASE) - low + 1).astype(np.int64)
         face = np.repeat(live, count)
         level = low.repeat(count) + np.arange(len(face)) - (np.cumsum(count) - count).repeat(count)
         d = y[face] - level[:, None]
-        d[np.abs(d) <= SLICING_SAME] = 0.0
+        d[np.abs(d) <= SAME_PHASE] = 0.0
         chord = ((d > 0).any(axis=1) & (d < 0).any(axis=1)) | ((d == 0).sum(axis=1) == 2)
         face, level, d = face[chord], level[chord], d[chord]
         number = np.rint(level / scale[face, 0]).astype(np.int64)

@@ -19,14 +19,13 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.limits import SAME_PHASE
 from dsfab.slicing.cutting.cells import TIP, Cells, nearest_levels
 from dsfab.slicing.cutting.corner_fields import PolygonField, corner_band
 from dsfab.slicing.cutting.cut import filled_polygons
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.surface import CornerField, Surface, link_components
-
-ZERO = 2.0**-30  # Smaller offsets from the middle line of a stripe count as zero; in the unit of the field.
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +89,7 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
     mesh = PolygonMesh.from_surface(base).with_lines_of(sheet)
-    tip = min(max(snap, ZERO), TIP)
+    tip = min(max(snap, SAME_PHASE), TIP)
     for k, band in enumerate(bands):
         hidden = _hidden_cells(sheet.family, bands, k)
         mesh = replace(mesh, family=np.where(hidden[mesh.parent], VOID, 0))
@@ -164,14 +163,14 @@ class _BandOnCells:
         g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # the same vertex in the second cell
         sign = self.sign.ravel()[h] * self.sign.ravel()[g]
         shift = self.shift.ravel()[h] - sign * self.shift.ravel()[g]
-        return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < ZERO)
+        return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < SAME_PHASE)
 
     def offsets(self, in_stripe: Bools) -> Floats:
         """Return z - number (m, 3) on the triangles in the mask, NaN elsewhere.
 
         A zero becomes a tiny number, with one sign in all triangles at its vertex: so every line crosses triangles."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
-        zero = np.abs(offset) < ZERO
+        zero = np.abs(offset) < SAME_PHASE
         offset[zero] = 0.0
         row, corner = np.nonzero(zero)
         vertex, sign = self.F[row, corner], self.sign[row, corner]
@@ -179,7 +178,7 @@ class _BandOnCells:
         if not len(row):
             return offset
         total = np.bincount(vertex, sign * other_corners, int(vertex.max()) + 1)
-        offset[row, corner] = np.where(total[vertex] > 0, -ZERO, ZERO) * sign
+        offset[row, corner] = np.where(total[vertex] > 0, -SAME_PHASE, SAME_PHASE) * sign
         return offset
 
 

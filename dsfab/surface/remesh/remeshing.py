@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, face_angles, first_few
 from dsfab.core.errors import SurfaceError
-from dsfab.surface.edge_changes import LARGEST
+from dsfab.core.limits import MOST_FACES
 from dsfab.surface.mesh import Surface, nearest_places
 from dsfab.surface.remesh.edges import (
     FIXED,
@@ -54,7 +54,7 @@ def remeshed_surface(
     surfaces give equal meshes. Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an
     exactly symmetric mesh, whose bounding box is exact to a fiftieth of `edge`.
 
-    Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles.
+    Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `MOST_FACES` triangles.
     Also raises it for repeated faces, and for edges of more than two faces."""
     _check(surface, edge, finest)
     mirrored = not sizes  # sizes may differ between mirrored sides
@@ -204,8 +204,8 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
 def _check_count(sizes: SizeField, finest: float) -> None:
     surface = sizes.surface
     count = (surface.areas / (np.sqrt(3) / 4 * sizes.length[surface.F].mean(axis=1) ** 2)).sum()
-    if count > LARGEST:
+    if count > MOST_FACES:
         raise SurfaceError(
-            f"remeshing to edges of {finest:g} m takes over {LARGEST:,} triangles on a surface {surface.size:.3g} m "
+            f"remeshing to edges of {finest:g} m takes over {MOST_FACES:,} triangles on a surface {surface.size:.3g} m "
             "large; use longer edges, or check the unit"
         )
