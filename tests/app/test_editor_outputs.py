@@ -21,7 +21,8 @@ from tests.browser import browser
 from tests.presets import DOME_MODES
 
 seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
-STL = {"export.formats": ["stl"]}
+STL = {"export.formats": ["stl"], "statics.thickness": 0.1}
+"""And a thickness, which is searched for otherwise."""
 
 
 @pytest.fixture
@@ -176,6 +177,7 @@ def drop_roof(tab):
 def test_the_copied_command_works_when_pasted(tab, outputs):
     drop_roof(tab)
     tab.run("document.querySelector('#formats [value=step]').click()")
+    tab.run("dsfab.state.set({'statics.thickness': 0.01})")  # it is searched for otherwise
     tab.run("document.getElementById('copy').click()")
     command = until(tab, "document.querySelector('#command code')?.textContent")
     assert command == "dsfab build outputs/my_roof.toml"

@@ -17,7 +17,7 @@ from dsfab.app.editor.workspace import open_preset
 from dsfab.app.options import Source
 from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.design.pattern_measures import cut_error, used_symmetry
-from dsfab.preset.file import load_preset
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.proposal import MeshWishes, preset_for, propose
 from dsfab.preset.proposal.judgement import choice
 from dsfab.preset.proposal.reading import possible_axes, preset_name
@@ -522,12 +522,13 @@ def test_a_default_format_that_fails_is_left_out(tmp_path, monkeypatch, capsys):
     """A STEP that is too large is told; asked for, it is refused, faceted ones in design/test_refusals.py."""
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "cap.obj", dome(edge=1.2))
-    few = ["--set", "export.step_faces=100", "--set", "export.step=faceted", "--no-preview", "-o", "out", *WIDE]
+    wide = [*WIDE, "--set", "statics.thickness=0.1", "--no-preview"]  # a given thickness is not searched for
+    few = ["--set", "export.step_faces=100", "--set", "export.step=faceted", "-o", "out", *wide]
     assert main(["build", "cap.obj", *few]) in (0, 5)
     assert "  left out: the STEP file" in capsys.readouterr().out
     assert sorted(path.suffix for path in (tmp_path / "out").glob("cap.*")) == [".3mf", ".stl"]
     assert main(["new", "cap.obj", "-o", "cap.toml"]) == 0
-    quick = ["--set", "export.step_faces=100", "--set", "export.step=quick", "--no-preview", "-o", "out2", *WIDE]
+    quick = ["--set", "export.step_faces=100", "--set", "export.step=quick", "-o", "out2", *wide]
     assert main(["build", "cap.toml", *quick]) in (0, 5)  # of which a new preset says: soon made, or none
     assert "  left out: " in capsys.readouterr().out
     assert main(["build", "cap.toml", *quick, "--format", "step"]) == 4
@@ -539,7 +540,7 @@ def test_no_gap_and_no_member_is_narrower_than_the_sheet_is_thick(tmp_path, name
     """Blind alleys, folded openings, thin necks of members: a ring, a fish with fins, a figure with arms."""
     mesh = OWN[name](tmp_path) if name in OWN else mesh_file(f"{name}.obj")
     preset = dsfab.preset_for(mesh)
-    cut = sliced(preset).slicing  # members/test_members.py looks at the files' designs, too
+    cut = sliced(with_overrides(preset, {"surface.edge": 1.5 * preset.surface.edge})).slicing
     found = features(cut.cells, kept_cells(cut.cells, cut.sheet), ["major", "minor"])
     assert found.gap.size > preset.statics.thickness
     assert found.member.size > preset.statics.thickness
