@@ -34,7 +34,6 @@ COARSER = {
     "boys_surface": 0.1,
     "bridge": 0.35,
     "globe": 0.1,
-    "gridshell": 0.25,
     "mouse": 0.005,
     "pirate": 0.032,
     "slab": 0.3,
@@ -72,7 +71,7 @@ def rough_presets(folder: Path, paths: Iterable[Path], apart: float = 1.0, rough
 
 
 def coarse_design(name: str) -> Design:
-    """The design of a shipped preset, cut, on a mesh that takes seconds, without round corners, which are most of it."""
+    """The design of a shipped preset, cut, on a mesh that takes seconds, without round corners."""
     coarser = {"surface.edge": COARSER[name]} if name in COARSER else {}
     return sliced(load_preset(name, {"pattern.fillet": 0.0, **coarser}))
 

@@ -28,8 +28,7 @@ from tests.app.editor_server import serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 
-
-EDGE = 0.9
+EDGE = 0.7
 """Metres, of the triangles' edges."""
 
 
