@@ -8,9 +8,9 @@ from tests.fuzz import corpus, oracles
 from tests.fuzz.__main__ import run
 from tests.hangs import ended_if_it_hangs
 
-SECONDS = 2
+SECONDS = 3
 """For each target in the slow part: `python -m tests.fuzz` takes as long as one likes."""
-FILES = 500
+FILES = 300
 """At most, always the same ones: a machine that is faster than another must not find what has nothing to do with a
 change, or nobody could land one."""
 SEEDS = sorted(corpus.SEEDS.glob("*/*"))
@@ -72,7 +72,7 @@ def test_fuzzed_for_a_while(half, tmp_path):
     for found in run(list(oracles.TARGETS)[half::2], SECONDS, tmp_path, FILES):
         few = 5 if found.target == "3dm" else 50  # a 3dm is read in a process of its own
         again = (
-            [] if found.broken or found.tried > few else run([found.target], 60 * SECONDS, tmp_path / "busy", 2 * few)
+            [] if found.broken or found.tried > few else run([found.target], 40 * SECONDS, tmp_path / "busy", 2 * few)
         )
         for one in (found, *again):  # a busy machine tries few in the time
             assert not one.broken, one.broken
