@@ -26,7 +26,7 @@ STL = {"export.formats": ["stl"], "statics.thickness": 0.1}
 
 
 @pytest.fixture
-def outputs(tmp_path, monkeypatch, no_pictures, coarse_proposals):
+def outputs(tmp_path, monkeypatch, no_pictures, coarse_proposals, rough_shares):
     monkeypatch.chdir(tmp_path)
     return Outputs(tmp_path / "outputs", "outputs")
 

@@ -87,7 +87,7 @@ def desk(tmp_path, monkeypatch, rough, coarse_proposals):
 @pytest.mark.parametrize(
     "line", [pytest.param(line, marks=[pytest.mark.slow] * line.startswith(LONG)) for line in COMMANDS]
 )
-def test_every_command_runs_as_written(line, desk, capsys):
+def test_every_command_runs_as_written(line, desk, rough_shares, capsys):
     words = shlex.split(line, comments=True)
     assert main(words[1:]) == 0, capsys.readouterr().err
     if "build" in words:
@@ -119,7 +119,7 @@ def test_the_page_marks_the_commands_that_ci_runs():
 
 
 @pytest.mark.slow
-def test_the_python_example_runs(desk, monkeypatch):
+def test_the_python_example_runs(desk, rough_shares, monkeypatch):
     """Its notebook makes the design of its first lines again, which is made once here."""
     run, made = dsfab.run, {}
 

@@ -485,7 +485,7 @@ def test_members_of_every_preset_are_looked_at():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["Botanic", "blub", "camelhead", "torus"])
-def test_members_of_other_surfaces_are_their_sheets(name):
+def test_members_of_other_surfaces_are_their_sheets(name, rough_shares):
     """An open shell with holes, a fish with fins, a head, a torus; a third of the members."""
     preset = preset_for(mesh_file(f"{name}.obj"))
     apart = 3 * preset.pattern.major.spacing

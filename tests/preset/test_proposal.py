@@ -17,7 +17,7 @@ from dsfab.app.editor.workspace import open_preset
 from dsfab.app.options import Source
 from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.design.pattern_measures import cut_error, used_symmetry
-from dsfab.preset.file import load_preset, with_overrides
+from dsfab.preset.file import load_preset
 from dsfab.preset.proposal import MeshWishes, preset_for, propose
 from dsfab.preset.proposal.judgement import choice
 from dsfab.preset.proposal.reading import possible_axes, preset_name
@@ -499,7 +499,7 @@ WIDE = ("--set", "surface.edge=0.5", "--set", "pattern.major.spacing=1.5", "--se
 
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["{mesh}"], ["roof", "--mesh", "{mesh}"]])
-def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
+def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, rough_shares, words):
     """Both ways make the same design, and each decision is told."""
     monkeypatch.chdir(tmp_path)
     mesh = obj(tmp_path / "hall.obj", barrel_vault(edge=1.6), 1000.0)
@@ -518,7 +518,7 @@ def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
 
 
 @pytest.mark.slow
-def test_a_default_format_that_fails_is_left_out(tmp_path, monkeypatch, capsys):
+def test_a_default_format_that_fails_is_left_out(tmp_path, monkeypatch, capsys, rough_shares):
     """A STEP that is too large is told; asked for, it is refused, faceted ones in design/test_refusals.py."""
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "cap.obj", dome(edge=1.2))
@@ -536,11 +536,11 @@ def test_a_default_format_that_fails_is_left_out(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["bob", "blub", "figure"])
-def test_no_gap_and_no_member_is_narrower_than_the_sheet_is_thick(tmp_path, name):
+def test_no_gap_and_no_member_is_narrower_than_the_sheet_is_thick(tmp_path, name, rough_shares):
     """Blind alleys, folded openings, thin necks of members: a ring, a fish with fins, a figure with arms."""
     mesh = OWN[name](tmp_path) if name in OWN else mesh_file(f"{name}.obj")
     preset = dsfab.preset_for(mesh)
-    cut = sliced(with_overrides(preset, {"surface.edge": 1.5 * preset.surface.edge})).slicing
+    cut = sliced(preset).slicing
     found = features(cut.cells, kept_cells(cut.cells, cut.sheet), ["major", "minor"])
     assert found.gap.size > preset.statics.thickness
     assert found.member.size > preset.statics.thickness

@@ -16,7 +16,7 @@ COMPARED = ("bob", "bridge")
 
 @pytest.mark.slow
 @pytest.mark.parametrize("figure", [one for one in FIGURES if one.preset not in ELSEWHERE], ids=lambda one: one.preset)
-def test_each_figure_of_the_paper_is_made_with_its_pictures(figure, tmp_path, monkeypatch):
+def test_each_figure_of_the_paper_is_made_with_its_pictures(figure, tmp_path, monkeypatch, rough_shares):
     for name, size in (("SMALL", (96, 72)), ("LARGE", (128, 96)), ("LIGHT", QUICK)):
         monkeypatch.setattr(drawing, name, size)
     monkeypatch.setattr(figures, "RUNS", 1)
