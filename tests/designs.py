@@ -31,7 +31,7 @@ def end() -> None:
 
 COARSER = {
     "bob": 0.06,
-    "boys_surface": 0.1,
+    "boys_surface": 0.13,
     "bridge": 0.35,
     "globe": 0.1,
     "mouse": 0.005,
@@ -40,7 +40,7 @@ COARSER = {
     "sphere": 0.05,
     "sphere_graded": 0.09,
     "turkey": 0.02,
-    "twisty_tower": 0.4,
+    "twisty_tower": 0.5,
     **dict.fromkeys(("camel_ears", "camel_head", "camel_none", "camel_nose"), 0.03),
 }
 """Metres, of the triangles' edges of presets that would take long."""

@@ -135,17 +135,17 @@ def tab(outputs, tmp_path):
 @pytest.mark.slow
 def test_the_editor_exports_one_file_and_names_it(outputs, dropped):
     with Session(dropped, outputs=outputs) as session:
-        wait(session.jobs, session.ask_solve({}))
-        job = wait(session.jobs, session.ask_build({}, only="csv")["job"])
+        wait(session.jobs, session.ask_solve(STL))
+        job = wait(session.jobs, session.ask_build(STL, only="csv")["job"])
         assert job.state == "done", job.text
         assert [file["name"] for file in job.result["files"]] == ["my_roof.csv"]
         assert job.result["told"][-1].startswith("csv: ")
         wait(session.jobs, session.ask_build(STL)["job"])
-        job = wait(session.jobs, session.ask_build({}, only="calculix")["job"])
+        job = wait(session.jobs, session.ask_build(STL, only="calculix")["job"])
         assert job.state == "done", job.text
         assert job.result["told"][-1] == "compare: cd outputs/my_roof && ccx my_roof, then read my_roof.dat"
         with pytest.raises(ExportError, match="is not a format"):
-            session.ask_build({}, only="docx")
+            session.ask_build(STL, only="docx")
 
 
 def test_every_format_of_the_command_line_is_offered(monkeypatch):

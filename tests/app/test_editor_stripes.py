@@ -148,7 +148,8 @@ def server():
 def page(sharp_tab):
     """Every test begins with the preset as it is."""
     sharp_tab.run(
-        "dsfab.opened(dsfab.start); dsfab.views.view({layers: ['loads'], colour: 'plain'}); dsfab.views.look('iso')"
+        "if (Object.keys(dsfab.state.changes).length) dsfab.opened(dsfab.start);"
+        "dsfab.views.view({layers: ['loads'], colour: 'plain'}); dsfab.views.look('iso')"
     )
     solved(sharp_tab)
     return sharp_tab

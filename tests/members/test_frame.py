@@ -212,9 +212,8 @@ RIGHT = SLENDER | {"bridge", "cantilever", "cantilever_light", "dome", "slab"}
 """Within a tenth, these others too: of the slab only while all arms of the star in its middle hang together."""
 LOOSE = {"rollers"}
 """Balanced by its loads, held by nothing: no beams are solved."""
-ALIKE = {"camel_ears", "camel_none", "camel_nose", "boys_surface", "globe", "pirate", "sphere", "turkey"}
-ALIKE |= {"twisty_tower"}
-"""Other loads on a head, balls, figures and a tower: camel_head, sphere_graded, bob and tower stand for them."""
+ALIKE = {"camel_ears", "camel_none", "camel_nose", "globe", "sphere", "turkey"}
+"""Other loads on a head, balls and figures: camel_head, sphere_graded and pirate stand for them."""
 SHAPES = sorted(set(shipped_presets()) - {"figurine", "roof"} - ALIKE)
 """The other two are of mesh files."""
 
