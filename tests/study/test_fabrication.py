@@ -278,7 +278,7 @@ def test_a_roof_with_graded_members_has_no_slit():
     roof = {
         "pattern.width": {"rule": "graded", "solid_fraction": 0.4, "min_width": 0.0},
         "pattern.keep": 0.0,
-        "surface.refine": 0.08,
+        "surface.refine": 0.06,
     }
     preset = dsfab.load_preset("roof", {**roof, "statics.thickness": 0.0366}, mesh_file("roof_with_opening.obj"))
     design = Design.from_preset(preset)

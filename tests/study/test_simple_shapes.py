@@ -20,7 +20,7 @@ from tests.presets import BARREL_VAULT_MODES, DOME_MODES, GLOBE_MODES, ROOF_MODE
 
 
 class Reached(NamedTuple):
-    """A preset on modes, how compliant stripes are at most over it, at 50 and 30 %, and metres of edges if not its own."""
+    """A preset on modes, how compliant stripes are at most over it, at 50 and 30 %, and edges in metres, or its own."""
 
     preset: str
     most: tuple[float, float]
