@@ -8,7 +8,7 @@ from tests.fuzz import corpus, oracles
 from tests.fuzz.__main__ import run
 from tests.hangs import ended_if_it_hangs
 
-SECONDS = 3
+SECONDS = 4
 """For each target in the slow part: `python -m tests.fuzz` takes as long as one likes."""
 FILES = 300
 """At most, always the same ones: a machine that is faster than another must not find what has nothing to do with a
@@ -69,9 +69,9 @@ def test_random_fuzzing_finds_a_planted_fault(tmp_path, monkeypatch):
 def test_fuzzed_for_a_while(tmp_path):
     """In one process, which instruments once what all targets import."""
     for found in run(list(oracles.TARGETS), SECONDS, tmp_path, FILES):
-        few = 5 if found.target == "3dm" else 50  # a 3dm is read in a process of its own
+        few = 5 if found.target == "3dm" else 30  # a 3dm is read in a process of its own
         again = (
-            [] if found.broken or found.tried > few else run([found.target], 40 * SECONDS, tmp_path / "busy", 2 * few)
+            [] if found.broken or found.tried > few else run([found.target], 30 * SECONDS, tmp_path / "busy", 2 * few)
         )
         for one in (found, *again):  # a busy machine tries few in the time
             assert not one.broken, one.broken
