@@ -68,7 +68,7 @@ class Hand:
 
 
 def test_a_canopy_is_built_in_twelve_actions(tmp_path, no_pictures, coarse_proposals, rough_shares):
-    mesh, outputs = write(canopy(0.8), tmp_path / "canopy.obj"), Outputs(tmp_path / "outputs", "outputs")
+    mesh, outputs = write(canopy(0.5), tmp_path / "canopy.obj"), Outputs(tmp_path / "outputs", "outputs")
     with (
         serving(OpenedPreset(load_preset(DOME_MODES, COARSE)), outputs) as server,
         page_of(server, tmp_path / "browser", size=SIZE) as tab,

@@ -322,7 +322,7 @@ def test_the_commands_of_the_ten_minute_lesson_give_the_shown_output(tmp_path, m
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_case_studies_print_the_shown_output(tmp_path, monkeypatch, capsys, no_pictures):
+def test_the_commands_of_the_case_studies_print_the_shown_output(tmp_path, monkeypatch, capsys):
     """But the last, which takes minutes: what it says of the dome is near to one solve, here 5.4 % too soft."""
     monkeypatch.chdir(tmp_path)
     commands = [line for block in blocks("sh", CASES) for line in block.splitlines()]

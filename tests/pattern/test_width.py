@@ -609,6 +609,6 @@ def test_a_share_holds_where_many_bridges_are_built(monkeypatch):
     """72 of them, between meridians that all meet at a skylight, were .6 % of the surface."""
     monkeypatch.setattr("dsfab.slicing.cutting.halving.GAIN", np.inf)
     arena = Path(__file__).parents[2] / "docs" / "examples" / "arena.toml"
-    design = sliced(dsfab.load_preset(arena, {"surface.edge": 1.35}))
+    design = sliced(dsfab.load_preset(arena))
     assert any("bridges were built" in note.text for note in design.notes)
     assert design.sheet.surface.area / design.surface.area == pytest.approx(0.3, abs=1e-3)
