@@ -67,7 +67,7 @@ class Hand:
             self.tab.call("DOM.setFileInputFiles", files=[str(path)], objectId=node)
 
 
-def test_a_canopy_is_built_in_twelve_actions(tmp_path, no_pictures, coarse_proposals, rough_shares):
+def test_a_canopy_is_built_in_twelve_actions(tmp_path, no_pictures, coarse_proposals):
     mesh, outputs = write(canopy(0.5), tmp_path / "canopy.obj"), Outputs(tmp_path / "outputs", "outputs")
     with (
         serving(OpenedPreset(load_preset(DOME_MODES, COARSE)), outputs) as server,
