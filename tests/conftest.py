@@ -100,6 +100,14 @@ def no_pictures(monkeypatch):
 
 
 @pytest.fixture
+def rough_shares(monkeypatch):
+    """Shares of material that are right to 2 %, for tests of other things: each step of the search cuts the sheet."""
+    monkeypatch.setattr("dsfab.design.stripe_pattern.SHARE_TOLERANCE", 0.02)
+    monkeypatch.setattr("dsfab.design.kept_material.SHARE_TOLERANCE", 0.02)
+    monkeypatch.setattr("dsfab.design.kept_material.UNREPORTED", 0.04)
+
+
+@pytest.fixture
 def coarse_proposals(monkeypatch):
     """Proposed presets with few members, and with as few triangles as draw clean stripes, because numbers take time."""
     monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)  # across the span

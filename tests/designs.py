@@ -30,16 +30,16 @@ def end() -> None:
 
 COARSER = {
     "bob": 0.06,
-    "boys_surface": 0.1,
+    "boys_surface": 0.13,
     "bridge": 0.35,
     "globe": 0.1,
     "mouse": 0.005,
     "pirate": 0.032,
-    "slab": 0.25,
+    "slab": 0.3,
     "sphere": 0.05,
     "sphere_graded": 0.09,
-    "turkey": 0.014,
-    "twisty_tower": 0.4,
+    "turkey": 0.02,
+    "twisty_tower": 0.5,
     **dict.fromkeys(("camel_ears", "camel_head", "camel_none", "camel_nose"), 0.03),
 }
 """Metres, of the triangles' edges of presets that would take long."""
@@ -49,12 +49,13 @@ ROUGHER = 2.0
 """Times the edges of the triangles of presets, where a test asks whether a command runs."""
 
 
-def rough_presets(folder: Path, paths: Iterable[Path], apart: float = 1.0) -> Path:
+def rough_presets(folder: Path, paths: Iterable[Path], apart: float = 1.0, rougher: float = ROUGHER) -> Path:
     """Presets on coarser meshes, of which STEP files hold triangles: for commands as pages write them.
 
     apart : times the distance of evenly spaced members; what is cut and written has this squared as fewer faces.
+    rougher : times the edges of the triangles.
     """
-    times = {"edge": ROUGHER, "refine": ROUGHER, "spacing": apart}
+    times = {"edge": rougher, "refine": rougher, "spacing": apart}
     for path in paths:
         text = re.sub(
             r"^(edge|refine|spacing) = ([\d.]+)",
@@ -69,8 +70,9 @@ def rough_presets(folder: Path, paths: Iterable[Path], apart: float = 1.0) -> Pa
 
 
 def coarse_design(name: str) -> Design:
-    """The design of a shipped preset, cut, on a mesh that takes seconds."""
-    return sliced(load_preset(name, {"surface.edge": COARSER[name]} if name in COARSER else {}))
+    """The design of a shipped preset, cut, on a mesh that takes seconds, without round corners."""
+    coarser = {"surface.edge": COARSER[name]} if name in COARSER else {}
+    return sliced(load_preset(name, {"pattern.fillet": 0.0, **coarser}))
 
 
 def sliced(preset: Preset) -> Design:

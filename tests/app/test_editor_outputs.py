@@ -21,11 +21,12 @@ from tests.browser import browser
 from tests.presets import DOME_MODES
 
 seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
-STL = {"export.formats": ["stl"]}
+STL = {"export.formats": ["stl"], "statics.thickness": 0.1}
+"""And a thickness, which is searched for otherwise."""
 
 
 @pytest.fixture
-def outputs(tmp_path, monkeypatch, no_pictures, coarse_proposals):
+def outputs(tmp_path, monkeypatch, no_pictures, coarse_proposals, rough_shares):
     monkeypatch.chdir(tmp_path)
     return Outputs(tmp_path / "outputs", "outputs")
 
@@ -134,17 +135,17 @@ def tab(outputs, tmp_path):
 @pytest.mark.slow
 def test_the_editor_exports_one_file_and_names_it(outputs, dropped):
     with Session(dropped, outputs=outputs) as session:
-        wait(session.jobs, session.ask_solve({}))
-        job = wait(session.jobs, session.ask_build({}, only="csv")["job"])
+        wait(session.jobs, session.ask_solve(STL))
+        job = wait(session.jobs, session.ask_build(STL, only="csv")["job"])
         assert job.state == "done", job.text
         assert [file["name"] for file in job.result["files"]] == ["my_roof.csv"]
         assert job.result["told"][-1].startswith("csv: ")
         wait(session.jobs, session.ask_build(STL)["job"])
-        job = wait(session.jobs, session.ask_build({}, only="calculix")["job"])
+        job = wait(session.jobs, session.ask_build(STL, only="calculix")["job"])
         assert job.state == "done", job.text
         assert job.result["told"][-1] == "compare: cd outputs/my_roof && ccx my_roof, then read my_roof.dat"
         with pytest.raises(ExportError, match="is not a format"):
-            session.ask_build({}, only="docx")
+            session.ask_build(STL, only="docx")
 
 
 def test_every_format_of_the_command_line_is_offered(monkeypatch):
@@ -176,6 +177,7 @@ def drop_roof(tab):
 def test_the_copied_command_works_when_pasted(tab, outputs):
     drop_roof(tab)
     tab.run("document.querySelector('#formats [value=step]').click()")
+    tab.run("dsfab.state.set({'statics.thickness': 0.01})")  # it is searched for otherwise
     tab.run("document.getElementById('copy').click()")
     command = until(tab, "document.querySelector('#command code')?.textContent")
     assert command == "dsfab build outputs/my_roof.toml"

@@ -28,10 +28,13 @@ from tests.app.editor_server import serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 
+EDGE = 0.7
+"""Metres, of the triangles' edges."""
+
 
 @pytest.fixture(scope="module")
 def server():
-    with serving(OpenedPreset(load_preset(DOME_MODES, {"surface.edge": 0.7}), ("dome",))) as made:
+    with serving(OpenedPreset(load_preset(DOME_MODES, {"surface.edge": EDGE}), ("dome",))) as made:
         yield made
 
 
@@ -296,7 +299,8 @@ def test_a_reload_restores_everything(tab, server):
 def test_build_and_download_a_solid(tab, tmp_path, no_pictures):
     import trimesh
 
-    tab.run("dsfab.state.set({'pattern.major.frequency': 4, 'pattern.minor.frequency': 4})")  # faces take the time
+    few = "'pattern.major.frequency': 4, 'pattern.minor.frequency': 4, 'export.step': 'tessellated'"
+    tab.run(f"dsfab.state.set({{{few}}})")  # faces take the time
     solved(tab)
     tab.run("document.getElementById('build').click()")
     until(tab, "document.querySelectorAll('#built a').length > 0")
@@ -435,7 +439,7 @@ def test_the_browser_and_the_previewer_draw_the_same_mask(tab):
     changes = {"pattern.width.rule": "plain", "pattern.width.solid_fraction": 0.0, "pattern.keep": 0.2}
     tab.run(f"dsfab.state.set({json.dumps(changes)})")
     solved(tab)
-    ours, theirs = seen_by_both(tab, draft(load_preset(DOME_MODES, {"surface.edge": 0.7, **changes})))
+    ours, theirs = seen_by_both(tab, draft(load_preset(DOME_MODES, {"surface.edge": EDGE, **changes})))
     assert (ours != theirs).sum() < 0.002 * theirs.sum()
 
 

@@ -148,7 +148,8 @@ def server():
 def page(sharp_tab):
     """Every test begins with the preset as it is."""
     sharp_tab.run(
-        "dsfab.opened(dsfab.start); dsfab.views.view({layers: ['loads'], colour: 'plain'}); dsfab.views.look('iso')"
+        "if (Object.keys(dsfab.state.changes).length) dsfab.opened(dsfab.start);"
+        "dsfab.views.view({layers: ['loads'], colour: 'plain'}); dsfab.views.look('iso')"
     )
     solved(sharp_tab)
     return sharp_tab
@@ -175,9 +176,7 @@ def test_the_browser_and_the_previewer_draw_the_same_stripes(page, dome):
     ("key", "value"),
     [
         ("width.solid_fraction", 0.5),
-        pytest.param("width.rule", "graded", marks=pytest.mark.slow),
         pytest.param("rim", 0.8, marks=pytest.mark.slow),
-        pytest.param("width", {"rule": "constant", "member": 0.2, "solid_fraction": 0.0}, marks=pytest.mark.slow),
         pytest.param("width", {"rule": "plain", "solid_fraction": 0.0}, marks=pytest.mark.slow),
     ],
 )

@@ -44,7 +44,7 @@ def blocks(language: str, page: str) -> list[str]:
 WAITS = ("dsfab edit", "dsfab hops", "dsfab check")
 """They wait for a browser, for Grasshopper, for a folder: app/test_editor.py, _hops.py and _check.py run them."""
 
-REPEATS = ("dsfab verify", "dsfab compare", "dsfab bench", "dsfab workshop")
+REPEATS = ("dsfab verify", "dsfab compare", "dsfab bench", "dsfab workshop", "dsfab build my_roof.obj")
 """They take minutes in all, and verification, test_cli.py, test_workshop.py and the lesson run them."""
 
 ELSEWHERE = (*WAITS, *REPEATS)
@@ -63,13 +63,13 @@ LONG = ("dsfab build", "dsfab explore", "dsfab export", "dsfab report", "dsfab p
 SETUP = [line for block in blocks("sh", "README.md") for line in block.splitlines() if ".venv/bin/" in line]
 
 
-APART = 2.0
-"""Times the distance of members here: what takes the time of a build are the faces of its files."""
+APART, ROUGHER = 2.0, 3.0
+"""Times the distance of members here, as the faces of its files take the time of a build; and times the edges."""
 
 
 @pytest.fixture(scope="module")
 def rough(tmp_path_factory):
-    return rough_presets(tmp_path_factory.mktemp("presets"), shipped_presets().values(), APART)
+    return rough_presets(tmp_path_factory.mktemp("presets"), shipped_presets().values(), APART, ROUGHER)
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def desk(tmp_path, monkeypatch, rough, coarse_proposals):
 @pytest.mark.parametrize(
     "line", [pytest.param(line, marks=[pytest.mark.slow] * line.startswith(LONG)) for line in COMMANDS]
 )
-def test_every_command_runs_as_written(line, desk, capsys):
+def test_every_command_runs_as_written(line, desk, rough_shares, capsys):
     words = shlex.split(line, comments=True)
     assert main(words[1:]) == 0, capsys.readouterr().err
     if "build" in words:
@@ -119,7 +119,7 @@ def test_the_page_marks_the_commands_that_ci_runs():
 
 
 @pytest.mark.slow
-def test_the_python_example_runs(desk, monkeypatch):
+def test_the_python_example_runs(desk, rough_shares, monkeypatch):
     """Its notebook makes the design of its first lines again, which is made once here."""
     run, made = dsfab.run, {}
 

@@ -6,6 +6,9 @@ from pathlib import Path
 import pytest
 from PIL import Image, ImageStat
 
+from dsfab.render.light import QUICK
+from dsfab.render.picture import StructurePicture
+
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = sorted((ROOT / "docs" / "examples").glob("*.py"))
 SHOWN = ROOT / "docs" / "media" / "examples"
@@ -15,6 +18,7 @@ SHOWN = ROOT / "docs" / "media" / "examples"
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_an_example_runs_and_draws_its_picture(script, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(StructurePicture.render, "__defaults__", (QUICK,))  # light that takes less time
     runpy.run_path(str(script), run_name="__main__")
     with Image.open(tmp_path / f"{script.stem}.png") as made, Image.open(SHOWN / f"{script.stem}.webp") as shown:
         assert ImageStat.Stat(made.convert("L")).stddev[0] > 5  # there is something on it

@@ -11,6 +11,8 @@ from docs._build import make, wires
 from docs._build.drawings import CONCEPTS
 from dsfab.app.hops.components import COMPONENTS
 from dsfab.core.toml_files import shipped_presets
+from dsfab.render.light import QUICK
+from dsfab.render.picture import StructurePicture
 from tests.bad_meshes import obj
 from tests.designs import rough_presets
 from tests.shapes import grid
@@ -63,8 +65,8 @@ def test_every_drawing_of_the_concepts_is_shown():
     assert set(re.findall(r"concepts/(\w+)\.webp", page)) == set(CONCEPTS)
 
 
-APART = 1.6
-"""Times the distance of members in small pictures."""
+APART, ROUGHER = 2.2, 3.0
+"""Times the distance of members and the edges of triangles in small pictures."""
 
 
 @pytest.fixture(scope="module")
@@ -73,15 +75,16 @@ def rough(tmp_path_factory):
     folder = tmp_path_factory.mktemp("gallery")
     shutil.copy(OWN / "canopy.obj", folder)
     (folder / "presets").mkdir()
-    rough_presets(folder / "presets", shipped_presets().values(), APART)
-    return rough_presets(folder, (OWN / f"{name}.toml" for name in make.OURS), APART)
+    rough_presets(folder / "presets", shipped_presets().values(), APART, ROUGHER)
+    return rough_presets(folder, (OWN / f"{name}.toml" for name in make.OURS), APART, ROUGHER)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*make.OURS, "options", "guides"])
-def test_pictures_of_designs_are_drawn_small(name, rough, tmp_path, monkeypatch):
+def test_pictures_of_designs_are_drawn_small(name, rough, rough_shares, tmp_path, monkeypatch):
     """Those whose commands run nowhere else: a command of a picture that fails fails here."""
     monkeypatch.setattr(make, "MEDIA", tmp_path)
+    monkeypatch.setattr(StructurePicture.render, "__defaults__", (QUICK,))
     for size in ("PANEL", "WHOLE", "OPTION", "GUIDED"):
         monkeypatch.setattr(make, size, (120, 90))
     monkeypatch.setattr(make, "DESIGNS", {key: (rough / f"{key}.toml", {}) for key in make.OURS})

@@ -384,16 +384,17 @@ def test_competitors_have_the_actual_mass_of_the_design():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", COARSE)
 @pytest.mark.parametrize(
-    "width",
+    ("name", "width"),
     [
-        {"rule": "plain"},
-        {"rule": "constant"},
-        {"rule": "graded"},
-        {"rule": "graded", "q": 0.5, "min_width": 0.02},
-        {"rule": "plain", "max_width": 0.7},
-        {"rule": "graded", "min_gap": 0.03},
+        ("cantilever", {"rule": "plain"}),
+        ("cantilever", {"rule": "graded"}),
+        ("cantilever", {"rule": "constant"}),
+        ("cantilever", {"rule": "graded", "min_gap": 0.03}),
+        ("dome", {"rule": "plain", "max_width": 0.7}),
+        ("dome", {"rule": "graded", "q": 0.5, "min_width": 0.02}),
+        ("globe", {"rule": "constant"}),
+        ("globe", {"rule": "graded", "min_gap": 0.03}),
     ],
 )
 def test_the_wanted_share_is_kept_to_a_thousandth(coarse, name, width):
@@ -549,7 +550,7 @@ def test_round_corners_and_filled_specks_are_in_the_share():
     [
         ("barrel_vault", 0.7, 0.6),
         pytest.param("barrel_vault", 0.35, 0.8, marks=pytest.mark.slow),
-        pytest.param("dome", 0.45, 0.7, marks=pytest.mark.slow),
+        pytest.param("dome", 0.6, 0.7, marks=pytest.mark.slow),
         pytest.param("globe", 0.12, 0.8, marks=pytest.mark.slow),
     ],
 )

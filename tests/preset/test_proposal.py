@@ -499,7 +499,7 @@ WIDE = ("--set", "surface.edge=0.5", "--set", "pattern.major.spacing=1.5", "--se
 
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["{mesh}"], ["roof", "--mesh", "{mesh}"]])
-def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
+def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, rough_shares, words):
     """Both ways make the same design, and each decision is told."""
     monkeypatch.chdir(tmp_path)
     mesh = obj(tmp_path / "hall.obj", barrel_vault(edge=1.6), 1000.0)
@@ -518,16 +518,17 @@ def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
 
 
 @pytest.mark.slow
-def test_a_default_format_that_fails_is_left_out(tmp_path, monkeypatch, capsys):
+def test_a_default_format_that_fails_is_left_out(tmp_path, monkeypatch, capsys, rough_shares):
     """A STEP that is too large is told; asked for, it is refused, faceted ones in design/test_refusals.py."""
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "cap.obj", dome(edge=1.2))
-    few = ["--set", "export.step_faces=100", "--set", "export.step=faceted", "--no-preview", "-o", "out", *WIDE]
+    wide = [*WIDE, "--set", "statics.thickness=0.1", "--no-preview"]  # a given thickness is not searched for
+    few = ["--set", "export.step_faces=100", "--set", "export.step=faceted", "-o", "out", *wide]
     assert main(["build", "cap.obj", *few]) in (0, 5)
     assert "  left out: the STEP file" in capsys.readouterr().out
     assert sorted(path.suffix for path in (tmp_path / "out").glob("cap.*")) == [".3mf", ".stl"]
     assert main(["new", "cap.obj", "-o", "cap.toml"]) == 0
-    quick = ["--set", "export.step_faces=100", "--set", "export.step=quick", "--no-preview", "-o", "out2", *WIDE]
+    quick = ["--set", "export.step_faces=100", "--set", "export.step=quick", "-o", "out2", *wide]
     assert main(["build", "cap.toml", *quick]) in (0, 5)  # of which a new preset says: soon made, or none
     assert "  left out: " in capsys.readouterr().out
     assert main(["build", "cap.toml", *quick, "--format", "step"]) == 4
@@ -535,11 +536,11 @@ def test_a_default_format_that_fails_is_left_out(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["bob", "blub", "figure"])
-def test_no_gap_and_no_member_is_narrower_than_the_sheet_is_thick(tmp_path, name):
+def test_no_gap_and_no_member_is_narrower_than_the_sheet_is_thick(tmp_path, name, rough_shares):
     """Blind alleys, folded openings, thin necks of members: a ring, a fish with fins, a figure with arms."""
     mesh = OWN[name](tmp_path) if name in OWN else mesh_file(f"{name}.obj")
     preset = dsfab.preset_for(mesh)
-    cut = sliced(preset).slicing  # members/test_members.py looks at the files' designs, too
+    cut = sliced(preset).slicing
     found = features(cut.cells, kept_cells(cut.cells, cut.sheet), ["major", "minor"])
     assert found.gap.size > preset.statics.thickness
     assert found.member.size > preset.statics.thickness

@@ -240,11 +240,15 @@ def test_tips_that_are_filled_leave_no_slits():
     assert made.sheet.surface.area / made.surface.area == pytest.approx(0.45, abs=2e-3)
 
 
+COARSER = {"barrel_vault": 0.3, "dome": 0.4, "globe": 0.09, "snow_vault": 0.35, "tower": 0.8}
+"""Metres, of the triangles' edges."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", ["constant", "graded"])
-@pytest.mark.parametrize("name", ["barrel_vault", "dome", "globe", "snow_vault", "tower"])
+@pytest.mark.parametrize("name", COARSER)
 def test_no_preset_has_a_slit_or_a_dead_end_by_any_width(name, rule):
-    quality = built(name, **{"pattern.width.rule": rule}).quality(symmetry=False)
+    quality = built(name, **{"pattern.width.rule": rule, "surface.edge": COARSER[name]}).quality(symmetry=False)
     assert (quality.dead_ends, quality.slits) == (0, 0)
 
 
@@ -254,9 +258,7 @@ def test_no_preset_has_a_slit_or_a_dead_end_by_any_width(name, rule):
     [
         ("barrel_vault.obj", 0),
         ("Botanic.obj", 0),
-        ("BubbleShell.obj", 0),
         ("canopy_quad.obj", 0.15),
-        ("halftunnel.obj", 0),
         ("hypar.obj", 0.15),
         ("roof_with_opening.obj", 0.15),
         ("shell_tube.obj", 0.2),

@@ -488,7 +488,7 @@ def test_40_runs_survive_kills_of_the_coordinator_and_of_a_worker(tmp_path):
     rough, draw = sweep_folder(tmp_path / "rough"), random.Random(17)
     prepare(many, rough)
     target = 0
-    for _ in range(3):
+    for _ in range(2):
         process = begun(rough)
         target = max(target, ended(rough)) + draw.randint(count // 20, count // 6)
         until(rough, target, process)
