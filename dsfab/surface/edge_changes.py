@@ -42,8 +42,8 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
     Vertices move towards the smooth limit surface. Vertices on a boundary or a crease (30 degrees) stay, and the edges
     between them are halved in place.
 
-    Raises SurfaceError for an invalid target or more than `MOST_FACES` triangles. Also raises it for `smooth` on a surface
-    that is not manifold and consistently oriented."""
+    Raises SurfaceError for an invalid target or more than `MOST_FACES` triangles. Also raises it for `smooth` on a
+    surface that is not manifold and consistently oriented."""
     if not (np.isfinite(target) and target > 0):
         raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
     if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):
