@@ -31,7 +31,7 @@ from dsfab.surface.files.reading import (
     whole_number,
 )
 
-HEAD, EACH = 84, 50  # Number of bytes of the header, and of each triangle, in a binary file.
+HEAD, EACH = 84, 50  # Bytes of the header, and of each triangle, in a binary file.
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = r"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s+"
 _FACET = re.compile(
@@ -43,9 +43,9 @@ CHUNK = 1 << 14  # Number of triangles or XML elements between two checks of the
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
-    """Return the triangles of an STL file, with coincident corners merged. The length of the file distinguishes binary
-    files from text, because many binary files also begin with "solid". Raises MalformedFileError for an incomplete or
-    foreign file, SurfaceError beyond the budget."""
+    """Return the triangles of an STL file, with coincident corners merged.
+    A file is binary if its length fits its binary header, because binary files may also begin with "solid". Raises
+    MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
