@@ -16,16 +16,17 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.workshop.development import Development, StripCourse
 from dsfab.workshop.parts import FlatPart, half_plane_clip, label
 
-STEEP_SINE = np.sin(np.radians(25.0))  # a strip with a smaller slope has no tab and is glued on the plate
+STEEP_SINE = np.sin(np.radians(25.0))  # smallest slope (sine) of a strip with a tab
 
 
 @dataclass(frozen=True, eq=False)
 class StripFoot:
     """End of a layer on the base plate, by arc lengths of its course.
     shoulders : (4,) arc lengths on the plate: right edge, right and left side of the tab, left edge.
-    sides     : (4,) distances of the shoulders to the left of the axis (m).
-    tips      : (2,) arc lengths of the tab's end, right and left.    at_end : whether the foot is at the course's end.
-    slot      : (4, 2) corners of its slot in the plate (m)."""
+    sides     : (4,) distances of the shoulders to the left of the axis, metres.
+    tips      : (2,) arc lengths of the tab's end, right and left.
+    slot      : (4, 2) corners of the foot's slot in the plate, metres.
+    at_end    : True if the foot is at the course's end."""
 
     shoulders: Floats
     sides: Floats

@@ -132,8 +132,9 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
     """Return a mask (m,) of folded prisms, the least cosine (m,) between skin normals and an axis, and the radii (m,).
-    upper, lower : corners (3 xyz, 3 corners, m) with errors up to e. A determinant of three vectors up to r long has an
-    error of 3 r^2 e. The normal of a triangle with sides up to s has an error of 4 s e."""
+    upper, lower : (3 xyz, 3 corners, m) corners of the skins, with errors up to e.
+    A determinant of three vectors of length r has an error of at most 3 r^2 e. The normal of a triangle with sides s
+    has an error of at most 4 s e."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -229,8 +230,8 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
 
 def proven_cells(layer: OffsetLayer) -> Bools:
     """Return the cells (m',) whose prism surely meets no other prism, for any diagonals of its sides.
-    This applies to the exact vertices and to vertices in files of single precision (if `is_fine`). With more than 5 %
-    folded prisms the result is empty."""
+    The proof also holds for vertices in files of single precision (if `is_fine`). With more than 5 % folded prisms, no
+    cell is returned."""
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)
