@@ -43,9 +43,13 @@ class StripFoot:
 
 @dataclass(frozen=True, eq=False)
 class BasePlane:
-    """Upper face of the base plate, through a point (3,) in metres, with the unit normal `up` (3,).
-    supports : (q, 3) supported places of the surface.    reach : largest distance of a foot from a support (m).
-    thickness : thickness of the plate (m).    clearance : gap between a tab and its slot, on each side (m)."""
+    """Upper face of the base plate of a model.
+    point     : (3,) point in the face, metres.
+    up        : (3,) unit normal of the face.
+    supports  : (q, 3) supported places of the surface, metres.
+    reach     : largest distance of a foot from a support, metres.
+    thickness : thickness of the plate, metres.
+    clearance : gap between a tab and its slot, on each side, metres."""
 
     point: Floats
     up: Floats
@@ -118,7 +122,8 @@ class BasePlane:
 
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
         """Return arc lengths (q,) near `station` at which lines beside the axis have a height over the plate (m).
-        sides : (q,) distances of the lines to the left of the axis (m). None if a line does not reach the height."""
+        sides : (q,) distances of the lines to the left of the axis, metres.
+        Returns None if a line does not reach the height."""
         s, course = np.full(len(sides), station), layer.course
         for _ in range(20):  # these are Newton steps
             P, T, B, _ = layer.frame(s)
@@ -189,10 +194,10 @@ NO_FEET_NOTE = "no strip ends on the base plate steeply enough for a tab: glue t
 def base_parts(
     ground: BasePlane, surface: Surface, feet: list[tuple[str, StripFoot]], room: list[tuple[float, float]]
 ) -> list[FlatPart]:
-    """Return the base plate as a few equal rectangles, each in its place under the model.
-    The number of rectangles is the smallest for which each fits into one of `room`.
-    surface : surface at model size, with the supports of `ground`.    feet : pairs of a part's name and its foot.
-    room : lengths and widths (m)."""
+    """Return the base plate as equal rectangles, as few as possible, each in its place under the model.
+    surface : surface at model size, with the supports of `ground`.
+    feet    : pairs of a part's name and its foot.
+    room    : lengths and widths of the stock, metres; each rectangle fits into one of them."""
     engraved = [*_support_marks(ground, surface), *_slot_names(feet)]
     slots = [foot.slot for _, foot in feet]
     every = np.concatenate([ground.plan_view(ground.supports), *slots])
