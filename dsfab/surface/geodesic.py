@@ -174,8 +174,7 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices at which shortest paths bend. New rays differ from the incoming path by at least `bound` radians.
-    vertex : (k,) the vertices.
+    """Vertices (k,) at which shortest paths bend. New rays differ from the incoming path by at least `bound` radians.
     offset : (k,) distance of each vertex from the source, metres.
     edge   : (k, 2) two edges at the vertex.
     angle  : (k, 2) direction of the incoming path, measured from these edges, radians."""
@@ -199,7 +198,6 @@ class _Bends(NamedTuple):
 
 class _Front:
     """Distances computed so far; see `Distances`.
-    size    : (e,) lengths of the edges.
     reached : (m,) faces that are partly within reach.
     bending : (n,) vertices at which paths may bend.
     bent    : (n,) distance of each vertex when it last sent out rays.

@@ -196,8 +196,7 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
     """Return whether one walk around each vertex meets all of its corners; False if the walks cannot decide.
-    A walk starts at the boundary, if the vertex has one, and steps over the edges from corner to corner. Faces must be
-    oriented. A walk stops after `LONGEST_WALK` steps."""
+    A walk steps over at most `LONGEST_WALK` edges from corner to corner, from the boundary if the vertex has one."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
     start = np.full(n, -1)

@@ -222,10 +222,8 @@ def safe_shares(
 ) -> Floats:
     """Return factors (n,), at most 1, on D (n, 3) for which every prism over a face has a clearly positive Jacobian.
     A smaller Jacobian is accepted at corners with offsets nearly parallel to the face, because shrinking does not help.
-    sides    : (m, 3) as in `Offsets`.
-    shift    : as in `SHIFT`.
-    shrink   : factor of each step.
-    smallest : smallest factor."""
+    sides  : (m, 3) as in `Offsets`.
+    shrink : factor of each step."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):

@@ -118,7 +118,6 @@ class PanelParts:
     """Panels, and counts of their details.
     sharp   : names of nodes at which the angle between members is too sharp for a cut.
     covered : number of bays that are too short for a panel.
-    tabs    : number of tabs.
     feet    : pairs of a panel's name and its foot."""
 
     parts: list[FlatPart] = field(default_factory=list)

@@ -44,11 +44,9 @@ class StripFoot:
 @dataclass(frozen=True, eq=False)
 class BasePlane:
     """Upper face of the base plate of a model.
-    point     : (3,) point in the face, metres.
-    up        : (3,) unit normal of the face.
+    point, up : (3,) point in the face, metres, and unit normal of the face.
     supports  : (q, 3) supported places of the surface, metres.
     reach     : largest distance of a foot from a support, metres.
-    thickness : thickness of the plate, metres.
     clearance : gap between a tab and its slot, on each side, metres."""
 
     point: Floats

@@ -90,13 +90,11 @@ class FlatPart:
     member    : name of the member; "" for pieces of a sheet.
     span      : arc lengths of the axis at both ends, metres; (0, 0) without an axis.
     outline   : (k, 2) corners, counter-clockwise, metres.
-    holes     : holes for bolts.
     slots     : (k, 2) closed cuts within the outline, metres.
     marks     : (k, 2) lines to engrave, metres.
     layer     : height of the part's middle over the surface, metres.
     strain    : largest strain when the part is built.
     axis      : (k, 2) middle line, which is not cut, metres; (0, 2) without a middle line.
-    folds     : lines to fold.
     thickness : thickness of the part, metres; 0 for the thickness of the plan."""
 
     id: str

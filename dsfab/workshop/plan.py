@@ -63,9 +63,8 @@ def construction_route(
     design: Design, graph: MemberGraph | None, layering: Layering | None, up: Floats = UP
 ) -> ConstructionRoute:
     """Return the route by which a design is built, from section [workshop] of its preset.
-    graph    : members at built size; None for a flat sheet.
-    layering : layers at built size; None for a flat sheet.
-    up       : (3,) unit vector.
+    graph, layering : members and layers at built size; None for a flat sheet.
+    up : (3,) unit vector.
     Raises PatternError if the design cannot be built by the requested route."""
     options = design.preset.workshop
     if options.route == "sheet" or graph is None or layering is None:
@@ -212,15 +211,13 @@ class WorkshopPlan:
     """Parts of a design and the sheets from which they are cut.
     route       : "strips", "planks", "bars", "panels" or "sheet".
     thickness   : thickness of the stock, metres; a part may have a different thickness.
-    parts       : all parts.
     sheets      : nested sheets, each part on one of them.
     equal_parts : groups of part numbers; the parts of a group have equal shapes.
     notes       : sentences for the builder on the route, the parts and the sheets.
     graph       : members and nodes at built size; None for a flat sheet.
     layering    : layers of strips; None for other routes.
     model       : 50 for a model at 1:50; 0 for full size.
-    bars        : plan of bars; None for other routes.
-    planks      : plan of planks; None for other routes."""
+    bars, planks : plans of these two routes; None for other routes."""
 
     route: str
     thickness: float

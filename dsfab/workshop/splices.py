@@ -50,7 +50,6 @@ def splice_cuts(
     nodes : (q,) arc lengths from which cuts keep the distance `clear` if possible, metres.
     clear : distance from cuts to nodes, and least length of a piece, metres.
     fits  : function that returns whether a piece between two arc lengths fits on the stock.
-    name  : name of the strip for messages.
     Raises PatternError if the longest piece that fits is shorter than `clear`."""
     begin, end = course
     cuts, near_nodes = [begin], 0

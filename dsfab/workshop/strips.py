@@ -36,7 +36,6 @@ class StripParts:
     """Flat parts of all strips: pieces, and cover plates of their splices.
     missing_holes      : nodes without a hole in a part, "N003 in A07", because the hole would be too close to an edge.
     splices_near_nodes : number of splices that are too close to a node.
-    splice_count       : number of all splices.
     shortened          : names of members that stop before they run into a member of their layer.
     vanished           : names of members that are not built, because they would be shorter than wide.
     missed_nodes       : (node, member) names where a shortened member does not reach its node.

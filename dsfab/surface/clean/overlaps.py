@@ -123,9 +123,8 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
     """Return rows (k, 3): a face, one of its samples, and another face in the same plane that covers the sample.
-    tree    : bounding boxes of F (m, 3), with V (n, 3) scaled to size 1.
-    faces   : (r,) faces.
-    samples : (r,) rows of `SAMPLES`."""
+    tree : bounding boxes of F (m, 3), with V (n, 3) scaled to size 1.
+    faces, samples : (r,) faces, and for each of them a row of `SAMPLES`."""
     P = V[F]
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
@@ -189,9 +188,8 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Return which of the faces (k,) must stay because their removal would open an edge of another face.
-    The other face remains in the mesh and does not cover the removed face. Faces with a common edge stay or go
-    together."""
+    """Return which of the faces (k,) must stay: their removal would open an edge of a remaining face beside them.
+    Faces with a common edge stay or go together."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
     remaining[edges.of[remaining_faces]] = remaining_faces[:, None]

@@ -338,8 +338,7 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
     """Collapse the shortest edges of crumpled faces (m,). Return the vertices (n, 3), and for each its new index (n,).
-    An edge collapses to its midpoint, or to its end on the boundary. Edges stay if their collapse would join
-    boundaries or change the topology."""
+    An edge collapses to its midpoint, or to its end on the boundary. The topology does not change."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

@@ -62,8 +62,7 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the new vertex (n,) of each vertex: the first vertex of its group if within `reach`, else the vertex
-    itself.
+    """Return the new vertex (n,) of each vertex: the first of its group if within `reach`, else the vertex itself.
     Without this limit, a long chain of near vertices would shrink to a point."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
@@ -131,8 +130,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return pairs of a boundary edge (k,), as index into `ends` (b, 2), and a boundary vertex (k,) beside the edge.
-    Their distance is at most `SAG` times the edge's length, or `within` if this is larger. If all boundaries are
-    closed loops, the limit is `within`."""
+    Largest distance: `within`, or `SAG` times the edge's length unless all boundaries are closed loops."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -180,8 +178,7 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
     """Return whether (k,) a boundary edge and a vertex are on the two sides of one seam.
-    The sides are two chains of boundary edges (b, 2) with the same ends. A chain ends where more than two boundary
-    edges meet."""
+    The sides are two chains of boundary edges (b, 2) with the same ends."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -200,8 +197,7 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
     """Insert vertices (k,) on half-edges (k,), and return the faces (m', 3), as fans around the opposite corners.
-    At most one half-edge of a face may have vertices. The first triangle of a fan replaces the face. The other
-    triangles come after all faces."""
+    At most one half-edge of a face may have vertices. The first triangle of a fan replaces the face."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -242,8 +238,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """Return a triangle between boundary edges of two fans at a vertex; None for angles of 150 degrees or more.
-    The triangle fills the smallest angle between two such edges.
+    """Return a triangle between boundary edges of two fans at a vertex, in the smallest angle; None from 150 degrees.
     away : (k,) second ends of the boundary edges.
     fan  : (k,) fan of each boundary edge."""
     along = V[away] - V[v]

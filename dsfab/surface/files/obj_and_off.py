@@ -89,9 +89,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
     """Return True if a file's last face may be incomplete: few corners, or an incomplete last corner.
-    largest : number of corners of the file's largest face.
-    count   : number of vertices.
-    text    : text of the file."""
+    largest : number of corners of the file's largest face.    count : number of vertices."""
     *other_corners, last_corner = (word.split("/") for word in face or [""])
     if len(face) < max(largest, 3) or len(last_corner) < len(other_corners[0]):
         return True

@@ -179,8 +179,7 @@ class MeshFacts:
     volume         : cubic metres; None unless the mesh is closed and oriented.
     genus          : None unless the mesh is a single oriented manifold piece.
     faults         : reasons why the mesh is not an oriented manifold.
-    smallest_angle : degrees, without degenerate faces.
-    record         : repairs and dropped parts."""
+    smallest_angle : degrees, without degenerate faces."""
 
     path: str
     unit: str

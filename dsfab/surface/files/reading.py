@@ -410,10 +410,8 @@ class Drawing:
 @dataclass(frozen=True)
 class DrawingBudget:
     """Limits of reading a drawing of outlines, far above the size of usual drawings.
-    bytes    : size of the file.
     entities : number of entities, with those of each inserted block.
     points   : number of points of all curves.
-    seconds  : duration of reading.
     depth    : depth of nested blocks.
     started  : start of reading, seconds of the process's clock."""
 

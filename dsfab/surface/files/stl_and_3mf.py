@@ -130,8 +130,7 @@ class _Object:
 class _Plate:
     """Content of all parts of a file.
     items     : object and transformation (4, 4) of each item on the build plate.
-    triangles : number of triangles of each used object, with its components.
-    counts    : counted content."""
+    triangles : number of triangles of each used object, with its components."""
 
     def __init__(self, budget: Budget, texts: dict[str, bytes]) -> None:
         self.budget, self.count, self.open = budget, 0, _Object("")  # `open` is the object that is being read

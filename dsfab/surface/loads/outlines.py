@@ -115,9 +115,8 @@ class OutlineError(SurfaceError, ValueError):
 @dataclass(frozen=True)
 class PlanPolygon:
     """The space inside a polygon seen from above: `{ pick = "plan", polygon = [[0, 0], [2, 0], [2, 1]] }`.
-    polygon : corners, x and y, metres.
-    low     : lower limit on z, metres; by default none.
-    high    : upper limit on z, metres; by default none.
+    polygon   : corners, x and y, metres.
+    low, high : limits on z, metres; by default none.
     Raises OutlineError for a polygon that has no area or crosses itself, and for heights in the wrong order."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT

@@ -145,8 +145,7 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
     """Return the long edges (e,) that have at least 70 % of the length of the longest edge in both of their faces.
-    In very thin faces (needles, 2 area / longest edge^2 below 0.35) only the longest edge counts. Halving two long
-    edges would leave more needles."""
+    Only the longest edge counts in very thin faces (needles, 2 area / longest edge^2 below 0.35)."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -213,8 +212,7 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
     """Return collapses of short edges that preserve topology and curves, and their costs (c,).
-    A free vertex may merge with any vertex; two free vertices merge at their middle. Curve vertices stay on the curve,
-    and fixed vertices stay in place."""
+    Two free vertices merge at their middle. Other vertices merge on the curve or at the fixed vertex."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)

@@ -128,8 +128,7 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
     """Return lists of vertices (k,) at narrow places, the width (k,) of the surface there, metres, and its slope (k,).
-    The width is the length of an edge between two curves or corners, or the height of a face between two curves. Faces
-    in the angle of a corner do not count. `_slopes` defines the slope."""
+    The width is that of an edge or face between two curves. Faces in the angle of a corner do not count."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -155,8 +154,7 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
     """Return the slopes (k,) at which pairs of curves diverge from their common corner; 0 without a common corner.
-    The slope is the width (k,) between two vertices, metres, divided by their distance from the corner along the
-    curves."""
+    The slope is the width (k,) between two vertices, metres, divided by their distance from the corner."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):
@@ -169,8 +167,7 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
     """Return the corners (n, 2) at the two ends of each vertex's curve, -1 without a curve.
-    Return also the distances (n, 2) from the corners along the curve, metres. At a corner, the two corners are the
-    corner itself."""
+    Return also the distances (n, 2) from the corners along the curve, metres."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):

@@ -50,9 +50,9 @@ def barycentric(P: Floats, place: Floats) -> Floats:
 
 
 def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
-    """Return two control points of each edge (m, 6, 3) of triangles P (m, 3, 3).
-    Points at thirds of the edge are moved into the tangent planes at its ends, with normals (m, 3, 3). Control points
-    of `straight` edges (m, 3) stay on the edge."""
+    """Return two control points of each edge (m, 6, 3) of triangles P (m, 3, 3), moved into the tangent planes.
+    normals  : (m, 3, 3) normals of the tangent planes at the corners.
+    straight : (m, 3) marks of edges whose control points stay on the edge."""
     controls = np.empty((len(P), 6, 3))
     for k, ends in enumerate(CORNERS):
         for end, (i, j) in enumerate((ends, ends[::-1])):

@@ -47,10 +47,8 @@ class Holes:
 @dataclass(frozen=True)
 class Trim:
     """`kind = "trim"`: cut off material beyond a plane, or outside a box, or both.
-    point  : point on the plane, metres.
-    normal : normal of the plane; material on the side of the normal is cut off.
-    low    : lower corner of the box, metres.
-    high   : upper corner of the box, metres."""
+    point, normal : point (metres) and normal of the plane; material on the side of the normal is cut off.
+    low, high     : opposite corners of the box, metres."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     point: Vector | None = None

@@ -98,8 +98,7 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
 
 def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
     """Return points (k, 3) where a loop bends, and direction and normal (k, 3) of the sides that begin at these points.
-    The normal of a side is that of its face, on the side from which the surface lies left of the loop. On a one-sided
-    strip, the loop runs along both edges, and the normal changes its side with the loop."""
+    Seen against a normal, the surface lies left of the loop. On a one-sided strip, the normal changes its side."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
     edge = np.searchsorted(edges.ends @ [surface.n, 1], ends @ [surface.n, 1])

@@ -27,8 +27,7 @@ class OffsetLayer:
     D       : (n, 3) half-thickness vectors of `uncut`, metres.
     cells   : all cells of the cut surface, material and void.
     carried : (n', 3) interpolated half-thickness vectors of `cells`, metres.
-    parent  : (m',) the face of `uncut` that contains each cell.
-    side    : side of the sheet, as in `thicken`."""
+    parent  : (m',) the face of `uncut` that contains each cell."""
 
     uncut: Surface
     D: Floats
@@ -51,8 +50,7 @@ class Boxes:
     """Boxes of the faces of a surface.
     of     : (m,) number of the box of each face.
     place  : (k, 3) place of each box in the grid.
-    middle : (k, 3) middle of the faces of each box, metres.
-    axis   : (k, 3) mean normal of the faces of each box.
+    middle, axis : (k, 3) middle (metres) and mean normal of the faces of each box.
     radius : (k,) radius of a cylinder along the axis that contains all prisms of the box, metres.
     grid   : number of the box at each place, -1 for boxes without faces, with a border of `REACH` empty boxes.
     key    : (k,) place of each box in the flattened grid."""
@@ -133,8 +131,7 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
     """Return a mask (m,) of folded prisms, the least cosine (m,) between skin normals and an axis, and the radii (m,).
     upper, lower : (3 xyz, 3 corners, m) corners of the skins, with errors up to e.
-    A determinant of three vectors of length r has an error of at most 3 r^2 e. The normal of a triangle with sides s
-    has an error of at most 4 s e."""
+    Largest errors: 3 r^2 e of a determinant of vectors of length r, 4 s e of the normal of a triangle with sides s."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error

@@ -125,14 +125,10 @@ def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[Plat
 @dataclass(frozen=True)
 class PlateArm:
     """Arm of a flat node plate.
-    bar     : name of the arm's bar.
     azimuth : direction of the bar, radians.
     dip     : angle of the fold, radians.
-    fold    : distance from the node to the fold, metres.
-    holes   : distances from the node to the holes, metres.
-    end     : distance from the node to the end, metres.
     after   : angle to the next arm, radians.
-    root    : distance from the node to the beginning of the bar, metres."""
+    fold, holes, end, root : distances from the node to the fold, holes, end and beginning of the bar, metres."""
 
     bar: str
     azimuth: float

@@ -150,11 +150,9 @@ SQUARE_ANGLE = np.radians(70.0)
 @dataclass(frozen=True, eq=False)
 class BarEnd:
     """End of a bar.
-    node    : number of the node.
     azimuth : angle about the node's normal, counter-clockwise from the node's first bar, radians.
     dip     : angle below the plane of the node, radians.
-    before  : angle to the next bar, clockwise, radians; 2 pi for a single bar.
-    after   : angle to the next bar, counter-clockwise, radians; 2 pi for a single bar.
+    before, after : angles to the next bars, clockwise and counter-clockwise, radians; 2 pi for a single bar.
     root    : distance from the node to the beginning of the bar's line, metres."""
 
     node: int
@@ -314,9 +312,8 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
     """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
-    At right angles, bars begin at half of their width from the node. At sharper angles, or if they slope, they begin
-    farther away. Short bars get mitres to begin closer to the node. Arms at sharp angles are narrower, but wide enough
-    for bolts; their folds are farther out."""
+    At right angles, bars begin at half of their width from the node; at sharper angles they begin farther away. Arms
+    at sharp angles are narrower, but wide enough for bolts."""
     notch = 0.9  # distance of the corner between arms from the node, divided by the distance of the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2

@@ -16,14 +16,11 @@ ROUNDING = 1e-9  # tolerance for rounding errors (m)
 @dataclass(frozen=True, eq=False)
 class PartShape:
     """A rotated part.
-    turn  : rotation of the part, radians.
-    low   : (2,) lowest corner of the part's box, metres.
-    size  : (2,) size of the box, metres.
-    lower : (k,) lower edge in k columns, moved outwards by half of the gap, metres.
-    upper : (k,) upper edge, moved likewise, metres.
-    top   : highest value of the upper edge.
-    total : sum of the lower edge over the columns.
-    thick : largest height between the lower and upper edge."""
+    low, size    : (2,) lowest corner and size of the part's box, metres.
+    lower, upper : (k,) lower and upper edge in k columns, moved outwards by half of the gap, metres.
+    top          : highest value of the upper edge.
+    total        : sum of the lower edge over the columns.
+    thick        : largest height between the lower and upper edge."""
 
     part: FlatPart
     turn: float
@@ -156,13 +153,11 @@ class SheetGap:
 
 @dataclass(eq=False)
 class OpenSheet:
-    """Partly filled sheet.
-    size      : length and width, metres.
-    skyline   : (k,) used height of each of k columns, metres.
-    free_area : free area, m2.
-    lowest    : lowest value of the skyline, metres.
-    refused   : length, width and area of parts that did not fit; larger parts are not tried again.
-    gaps      : gaps below the skyline."""
+    """Partly filled sheet; lengths in metres, areas in m2.
+    skyline : (k,) used height of each of k columns.
+    lowest  : lowest value of the skyline.
+    refused : length, width and area of parts that did not fit; larger parts are not tried again.
+    gaps    : gaps below the skyline."""
 
     size: tuple[float, float]
     skyline: Floats

@@ -159,12 +159,9 @@ class PlankParts:
     crowded      : slots that would run into a neighbouring slot, "N007 in A02".
     slide_angles : largest angle between the assembly direction and the slots, by piece, radians.
     stuck        : angles of the pieces that cannot slide on lower planks, radians.
-    level_ends   : number of level ends.
     shortened    : members that stop before a member of their family or before a curl.
     missed_nodes : nodes that shortened members do not reach.
     vanished     : members that would be too short.
-    splice_count : number of splices.
-    splices_near_nodes : number of splices near nodes.
     longer       : elongation of edges by twist, by member, metres.
     bends        : bending strain, by member."""
 
