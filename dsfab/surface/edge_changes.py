@@ -44,7 +44,7 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
     Vertices move towards the smooth limit surface. Vertices on a boundary or a crease (30 degrees) stay.
 
     Raises SurfaceError for an invalid target or more than `LARGEST` triangles.
-    Raises SurfaceError also if a surface that is not an oriented manifold shall become smooth."""
+    Raises SurfaceError also for `smooth` on a surface that is not an oriented manifold."""
     if not (np.isfinite(target) and target > 0):
         raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
     if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):

@@ -238,14 +238,14 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class CornerField:
     """A field on a surface with n vertices and m faces; its sign and offset may differ from face to face.
-    x      : (n, 1) values at the vertices; or (n, 2) values of the two edges of a band, see
-             `dsfab.slicing.cutting.cut`. A place in a band is material if more levels lie below x[:, 0] than below
-             x[:, 1].
+    x      : (n, 1) values at the vertices; or (n, 2) values for the two edges of a band (see
+             `dsfab.slicing.cutting.cut`).
     sign   : (m, 3) 1 or -1 at each corner of a face.
     shift  : (m, 3) offset at each corner of a face. The value at the corner is sign * x + shift.
     blank  : (m,) faces without a field; the cut leaves them whole.
-    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere. Its mean in
-             an opening of earlier fields decides whether the opening stays."""
+    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere.
+    In a band, a place is material if more levels lie below x[:, 0] than below x[:, 1]. The mean of `wanted` in an
+    opening of earlier fields decides whether the opening stays."""
 
     x: Floats
     sign: Floats

@@ -81,8 +81,8 @@ def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
     wrong = int((one_sided_pieces(surface.F, surface.edges) & faces).sum())
     if wrong:
         raise SurfaceError(
-            f"{what} needs an outside, but {wrong} of its faces belong to a piece with one side only, for example a "
-            "Moebius strip; use forces with a direction, or pick faces elsewhere"
+            f"{what} needs an outside, but {wrong} of its faces belong to a piece with one side only (such as a "
+            "Moebius strip); use forces with a direction, or pick other faces"
         )
 
 

@@ -160,8 +160,7 @@ class Offsets:
     D        : (n, 3) half of the vector from the lower to the upper skin at each vertex, metres. Zero without faces.
     limited  : number of vertices where the surface bends too sharply for the thickness.
     smallest : smallest remaining fraction of the thickness, at the vertex `tightest`; 1 without limited vertices.
-    sides    : (m, 3) side of a face, 1 or -1, on which D lies at each corner, see `corner_sides`; 1 on two-sided
-               surfaces."""
+    sides    : (m, 3) side of a face, 1 or -1, on which D lies at each corner (see `corner_sides`)."""
 
     D: Floats
     limited: int

@@ -143,8 +143,7 @@ class Solid:
     V       : (n, 3) vertices, metres.
     F       : (m, 3) faces, counter-clockwise seen from outside.
     genus   : number of handles, summed over all closed boundary surfaces.
-    pieces  : number of connected pieces of material. A thickened closed surface is one piece with two boundary
-              surfaces.
+    pieces  : number of connected pieces of material; a thickened closed surface is one piece.
     notes   : sentences on changes that made the solid buildable, and on remaining faults.
     repairs : the changes and faults in numbers."""
 
@@ -206,16 +205,13 @@ class Solid:
 def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | None = None) -> Solid:
     """Return the solid between the skins V + D and V - D of a sheet, closed by walls ruled along D on its boundary.
 
-    surface : an edge-manifold sheet without contacts in a point. It may have several pieces, be closed, or be
-              one-sided (a Moebius strip).
-    D       : (n, 3) half-thickness vectors from `offsets`, metres. If faces disagree about their side, each vector is
-              on the side of the first face around its vertex.
+    surface : an edge-manifold sheet without contacts in a point; it may be closed, one-sided, or in several pieces.
+    D       : (n, 3) half-thickness vectors from `offsets`, on the side of the first face around each vertex, metres.
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
     proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
 
     An exact test finds intersections, with vertices rounded as in STL files (single precision, millimetres). It uses
-    exact vertices where rounding would be visible: for flat sheets, and far from the origin. The solid keeps exact
-    vertices if they also pass the test.
+    exact vertices for flat sheets and far from the origin. The solid keeps exact vertices that also pass the test.
 
     Repair flips wall diagonals and thins the sheet locally, down to 0.3 of D. A sheet that crosses itself is divided,
     and the solids of its parts are united. `notes` and `repairs` report the changes and the remaining intersections.
@@ -279,7 +275,7 @@ def check_solid(solid: Solid) -> None:
     if abs(judged.volume() - solid.volume) > VOLUME_TOLERANCE * solid.area * size:
         raise SolidError(
             f"the solid's volume is {solid.volume:.9g} m3, manifold3d measures {judged.volume():.9g} m3; "
-            "the sheet has details below the precision of coordinates; use a coarser mesh"
+            "details of the sheet are smaller than the precision of coordinates; use a coarser mesh"
         )
 
 
@@ -313,7 +309,7 @@ def _check_upward(surface: Surface, skin: Skin, D: Floats) -> None:
     if len(turned):
         raise SolidError(
             f"the offset vectors point to the back of {len(turned)} of {count} pieces of the sheet (first piece with "
-            f"face {int((label == turned[0]).argmax())}); turn those faces over, or the vectors"
+            f"face {int((label == turned[0]).argmax())}); reverse these faces or the vectors"
         )
 
 

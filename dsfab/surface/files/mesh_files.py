@@ -115,8 +115,7 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: st
     The y axis of glTF files becomes z. Polygons are cut into triangles. STL and glTF vertices at exactly the same
     place become one vertex. For other formats, see `with_shared_vertices`. Unused vertices are removed.
 
-    Raises SurfaceError for an unreadable file, for a file beyond the limits, and for an unknown unit if `unit` is not
-    set."""
+    Raises SurfaceError for an unreadable file, a file beyond the limits, and an unknown unit if `unit` is not set."""
     path = Path(path)
     suffix = _suffix(path)
     budget = Budget(most_triangles)

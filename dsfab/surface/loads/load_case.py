@@ -23,11 +23,9 @@ class Snow:
     """A load in pascals per *plan* area along `direction` (any length): the force s A |n . d| d on each face.
 
     s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]. An open sheet carries snow on all faces,
-    so pick only the upper part of an overhanging sheet. A closed surface carries snow only on faces whose outside
-    faces against `direction`.
+    so pick only the upper part of an overhanging sheet. A closed surface carries snow only on its upper faces.
 
-    shape   : "mu1" to multiply `pressure`, the snow load on the ground s_k, by `snow_shape_factor` of each face; "" if
-              `pressure` includes the shape factor.
+    shape   : "mu1" to multiply `pressure` (s_k on the ground) by `snow_shape_factor`; "" if `pressure` includes it.
     kind    : "imposed" for people and services on the plan [EN 1991-1-1, 6.3].
     covered : true if a covering carries the snow over openings to the members; else snow lies only on the members."""
 
@@ -281,8 +279,8 @@ class Cladding:
         """Return the traction (m, 3) on each face, Pa."""
         if not self.pressure > 0:
             raise SurfaceError(
-                f"a load of kind 'cladding' needs a positive pressure in pascals, not {self.pressure:g}; its weight "
-                "is its thickness times its density times 9.81: 10 mm of glass are 250 Pa"
+                f"a load of kind 'cladding' needs a positive pressure in pascals, not {self.pressure:g}; give "
+                "thickness x density x 9.81, such as 250 for 10 mm of glass"
             )
         along = self.pressure * unit_vector(self.direction, "a load of kind 'cladding'")
         return picked_faces(surface, self.at, "cladding")[:, None] * along
@@ -356,8 +354,7 @@ class LoadCase:
     loaded      : (n,) True at the vertices under a load of kind force or line; the pattern may `keep` them.
     spring      : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; by default none.
     clamped     : (e,) edges that may not rotate about themselves; by default none, (0,).
-    fixed_edges : (e, 3) True if points inside an edge may not move along x, y, z; by default (0, 3), then the
-                  supported vertices decide (`spanned_edges`).
+    fixed_edges : (e, 3) True if points inside an edge may not move along x, y, z; (0, 3) for `spanned_edges`.
     parts       : the forces in parts (see `LoadParts`); None if all forces act on the vertices themselves."""
 
     fixed: Bools

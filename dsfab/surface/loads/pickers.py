@@ -216,8 +216,8 @@ class Boundary:
     def __post_init__(self) -> None:
         if len(self.points) not in (0, 1, 3) or (self.points and self.loop != "all"):
             raise ValueError(
-                "pick = 'boundary' takes a loop, or points: one for a whole loop, three for a part of it (its start, a "
-                "place on it, its end)"
+                "pick = 'boundary' needs a loop, or points: one point for a whole loop, three points for a part of a "
+                "loop (start, middle, end)"
             )
 
     def vertices(self, surface: Surface) -> Bools:

@@ -28,14 +28,13 @@ class RegionError(SurfaceError, ValueError):
 class PatternRegion:
     """A part of the surface with its own treatment.
 
-    at    : picker of the region. The pickers plan, curve, brush, ball, box and side have a line as edge. The edge of
-            other pickers is halfway between picked and unpicked vertices.
+    at    : picker of the region. A region by plan, curve, brush, ball, box or side has a smooth edge.
     do    : keep, the region is solid; void, it is empty; rim, it has a solid band inside its edge.
-    width : width of the band, metres along the surface; by default the width in pattern.rim, else 1/8 of the region's
-            width.
+    width : width of the band along the surface, metres; by default that of pattern.rim, else 1/8 of the region's width.
     name  : text for messages.
 
-    Raises RegionError for a width without a band, and for a band without an outline."""
+    The edge of a region by any other picker is halfway between picked and unpicked vertices. Raises RegionError for a
+    width without a band, and for a band without an outline."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: Picker

@@ -41,22 +41,19 @@ def remeshed_surface(
 ) -> Surface:
     """Return the surface with nearly equilateral triangles whose edges are about `edge` metres long.
 
-    finest : least edge length on curved parts, metres; 0 disables shorter edges there. Along an edge, the normal
-             rotates by about 15 degrees.
-    smooth : true for new vertices on the smooth surface through the old vertices [Vlachos et al. 2001], false for new
-             vertices on its facets.
+    finest : least edge length on curved parts, metres; 0 for no shorter edges on curved parts.
+    smooth : true for new vertices on the smooth surface through the old vertices, false for new vertices on its facets.
     sizes  : wanted edge lengths at the vertices of meshes of this surface, metres; the shortest length counts.
 
     - Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`. Their corners do not move.
     - The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change.
-    - Creases from slivers and noise (`design_features`), ears (`with_ears_flipped`), and slivers at the border
-    (`without_rim_slivers`) are removed.
-    - Edges are shorter if these limits require it, and between close curves.
+    - Creases from slivers and noise, ears, and slivers at the border are removed.
+    - Edges are shorter between close curves. With `finest`, normals rotate by about 15 degrees along an edge.
     - Equal surfaces give equal meshes.
-    - Without `sizes`, a surface with mirror symmetries gets an exactly symmetric mesh. Symmetries are exact within a
-    twentieth of `edge`, and the bounding box then within a fiftieth of `edge`.
+    - Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an exactly symmetric mesh.
+      The bounding box of this mesh is exact to a fiftieth of `edge`.
 
-    Raises SurfaceError for
+    See `design_features`, `with_ears_flipped`, `without_rim_slivers` and [Vlachos et al. 2001]. Raises SurfaceError for
     - invalid lengths, and edges that are longer than the surface or need over `LARGEST` triangles;
     - repeated faces, and edges of more than two faces."""
     _check(surface, edge, finest)

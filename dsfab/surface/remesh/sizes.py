@@ -43,8 +43,7 @@ def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) ->
     field : (m, 3, 3) tensors in the planes of the faces.
 
     1. Each vertex gets the mean tensor of its faces [Zienkiewicz and Zhu 1987].
-    2. The slope of an edge is the difference of the tensors at its ends, divided by its length. The tensors are first
-    rotated into one plane.
+    2. The slope of an edge is the difference of its ends' tensors, rotated into one plane, divided by its length.
     3. The squared gradient at a vertex is twice the mean squared slope of the edges around it."""
     vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T

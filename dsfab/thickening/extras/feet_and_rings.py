@@ -91,7 +91,7 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
         x, y, z = V[F[pairs[0]]].mean(axis=(0, 1)) if len(pairs) else V.mean(axis=0)
         raise SolidError(
             f"thickening.extra 'ring': a beam {width:.4g} x {height:.4g} m would cross itself near "
-            f"({x:.4g}, {y:.4g}, {z:.4g}) m, where the boundary bends; reduce its width, or smooth the boundary"
+            f"({x:.4g}, {y:.4g}, {z:.4g}) m, at a bend of the boundary; reduce the beam's width, or smooth the boundary"
         )
     return beam
 

@@ -50,8 +50,8 @@ class Boxes:
     """Boxes of the faces of a surface.
     of     : (m,) number of the box of each face.
     place  : (k, 3) place of each box in the grid.
-    middle, axis : (k, 3) middle (metres) and mean normal of the faces of each box.
     radius : (k,) radius of a cylinder along the axis that contains all prisms of the box, metres.
+    middle, axis : (k, 3) middle (metres) and mean normal of the faces of each box.
     grid   : number of the box at each place, -1 for boxes without faces, with a border of `REACH` empty boxes.
     key    : (k,) place of each box in the flattened grid."""
 
