@@ -212,7 +212,7 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
 COPY_GAP = 1 / 500  # Largest distance of two copies of a sheet, divided by the square root of its area.
 PARALLEL_GAP = 0.08  # Largest distance of two parallel sheets, divided by the square root of their area.
 LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of two parallel sheets, smaller to larger.
-IGNORED_SHARE = 0.1  # Fraction of the area whose smallest or largest distances are ignored.
+IGNORED_SHARE = 0.1  # Ignored fraction of the area with the smallest distances, and of that with the largest.
 
 _REMARKS = {
     "copy": "the surface has a second sheet {} from the first, probably a copy; delete one of them, or set "

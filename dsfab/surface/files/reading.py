@@ -361,7 +361,7 @@ CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon from its curve, divided 
 LARGEST_NUMBER = 1e12  # Largest number in a drawing; libraries may loop endlessly on larger numbers.
 
 
-FAR = 100.0  # Coordinates of a mesh far from the origin, divided by its largest dimension; at least this.
+FAR = 100.0  # Least coordinate of a mesh far from the origin, divided by the mesh's largest dimension.
 DIGITS = 6  # Default number of digits in files of C and C++ programs, such as gmsh.
 COARSE_STEP, LARGEST_STEP = 0.02, 0.5
 """Limits of the rounding step of the coordinates, divided by the mean edge.

@@ -13,7 +13,7 @@ from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import adjacency
 
-TURN_PER_EDGE = 15.0  # Wanted rotation of the normal along an edge, at most, degrees.
+TURN_PER_EDGE = 15.0  # Largest wanted rotation of the normal along an edge, degrees.
 CHANGE_PER_EDGE = 0.25  # Largest change of a field along an edge, divided by the field's root mean square.
 
 
