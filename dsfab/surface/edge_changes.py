@@ -10,7 +10,7 @@ from dsfab.core.limits import MOST_FACES
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, adjacency, edge_table, manifold_faults, misoriented_edges, next_half_edge
 
-CREASE = 30.0  # Degrees. An edge is a crease if the normals of its faces differ by at least this angle.
+CREASE = 30.0  # Least angle between the normals of the faces at a crease, degrees.
 
 
 def feature_edges(surface: Surface) -> Bools:
@@ -36,14 +36,13 @@ def sharp_edges(surface: Surface) -> Bools:
 def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Surface:
     """Return the surface with no edge longer than `target` metres; its old vertices come first.
 
-    smooth = False : facets, area and boundary stay the same. Each round halves long edges, and the longest edge of
-    each affected face, which keeps angles from shrinking [Rivara 1984].
+    smooth = False : Facets, area and boundary stay the same. Each round halves long edges. It also halves the longest
+    edge of each affected face, so that angles do not shrink [Rivara 1984].
     smooth = True  : Loop's subdivision [Loop 1987] divides every triangle in four until all edges are short enough.
-    Vertices move towards the smooth limit surface. Vertices on a boundary or a crease (30 degrees) stay, and the edges
-    between them are halved in place.
+    Vertices move towards the smooth limit surface. Vertices on a boundary or a crease (30 degrees) stay.
 
-    Raises SurfaceError for an invalid target or more than `MOST_FACES` triangles. Also raises it for `smooth` on a
-    surface that is not manifold and consistently oriented."""
+    Raises SurfaceError for an invalid target or more than `MOST_FACES` triangles.
+    Raises SurfaceError also for `smooth` on a surface that is not an oriented manifold."""
     if not (np.isfinite(target) and target > 0):
         raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
     if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):
@@ -67,7 +66,7 @@ def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -
     positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
-    quarters = finer.reshape(-1, 4, 3)  # the first two quarters of a face are at its corners 0 and 1
+    quarters = finer.reshape(-1, 4, 3)  # quarters 0 and 1 of a face are at its corners 0 and 1
     middle[edges.of] = np.stack([quarters[:, 0, 1], quarters[:, 1, 1], quarters[:, 0, 2]], axis=1)
     moved[fixed_edges] = V[fixed_edges]
     moved[middle[positions]] = V[fixed_edges].mean(axis=1)
@@ -146,8 +145,8 @@ def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
 
 
 def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
-    """Return which of the edges `chosen` (c,) can collapse without a change of the topology. The ends of such an edge
-    share no neighbours except the opposite corners: link condition [Dey et al. 1999]."""
+    """Return which of the edges `chosen` (c,) can collapse without a change of the topology.
+    Link condition: the ends of such an edge share no neighbours except the opposite corners [Dey et al. 1999]."""
     A: csr_array = adjacency(edges, n)
     a, b = edges.ends[chosen].T
     return np.asarray(np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel() == edges.count[chosen])
@@ -166,10 +165,10 @@ def has_three_corners(F: Ints) -> Bools:
 
 
 def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = None) -> Bools:
-    """Return which candidates (c,) come before all candidates that touch one of their vertices.
+    """Return which candidates (c,) come before all other candidates that touch one of their vertices.
     order   : (c,) the candidates, best first.
-    touched : (c, k) of n vertices that each candidate touches.
-    edges   : (e, 2) edges of the mesh; if given, candidates at neighbouring vertices are compared, too."""
+    touched : (c, k) vertices that each candidate touches, 0..n-1.
+    edges   : (e, 2) edges of the mesh, to compare also candidates at neighbouring vertices; else None."""
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     least_rank = np.full(n, len(order))
@@ -181,12 +180,13 @@ def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = 
     return np.asarray((least_rank[touched] >= rank[:, None]).all(axis=1))
 
 
-LEAST_ANGLE_GAIN = 1.0  # Degrees; a flip must increase the smallest angle of two faces by at least this.
+LEAST_ANGLE_GAIN = 1.0  # Least increase of the smallest angle of two faces by a flip, degrees.
 
 
 def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:
-    """Return the surface with flipped edges wherever this increases the smallest angle.
-    may   : (n,) marks; a face may change if one of its corners is marked.    stays : (k, 2) ends of edges that stay.
+    """Return the surface with flipped edges wherever a flip increases the smallest angle.
+    may       : (n,) marks of vertices; an edge may flip if a corner of its two faces is marked.
+    stays     : (k, 2) ends of edges that stay.
     tolerance : largest distance that the surface may move, metres."""
     keys = _keys(surface.n, *stays.T)
     for _ in range(8):

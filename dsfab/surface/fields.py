@@ -17,7 +17,7 @@ from dsfab.surface.mesh import Surface
 
 def hat_gradients(surface: Surface) -> Floats:
     """Return the gradients of the three hat functions on each face, (m, 3 corners, 3 xyz), per metre.
-    The formula is grad phi_i = n x (p_k - p_j) / (2 A), with i, j, k counter-clockwise about the normal n."""
+    Formula: grad phi_i = n x (p_k - p_j) / (2 A), with i, j, k counter-clockwise about the normal n."""
     P = surface.V[surface.F]
     u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # edges opposite to the corners
     x, y, z = surface.normals.T[:, :, None]
@@ -44,7 +44,7 @@ def voronoi_mass(surface: Surface) -> Floats:
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
     """Return the sparse sum (n, n) of the face blocks (m, 3, 3); row and column i of a block belong to corner i.
-    diagonal : (n,) added to the diagonal. All matrices with a diagonal have one pattern, because zeros are stored."""
+    diagonal : (n,) numbers added to the diagonal. Zeros are stored, so that all such matrices have one pattern."""
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
     values = blocks.ravel()
@@ -55,18 +55,18 @@ def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -
     return coo_array((values, (rows, columns)), shape=(surface.n, surface.n)).tocsr()
 
 
-Kind = Literal["edge", "centre"]  # Kind of a line: an edge of the material, or the middle line of a member.
+Kind = Literal["edge", "centre"]  # An edge of the material, or the middle line of a member.
 
 
 @dataclass(frozen=True, eq=False)
 class StructureLine:
     """A line of the structure, as a polyline on the surface.
     kind   : "edge", an edge of the material, or "centre", the middle line of a member.
-    family : "major", "minor", "keep" or "rim"; or "boundary" where material ends with the surface.
-    number : number of the stripe in its family, 0 without stripes. It is the stripe coordinate on the middle line.
+    family : "major", "minor", "keep", "rim", or "boundary" where material ends with the surface.
+    number : number of the stripe in its family, equal to the stripe coordinate on the middle line; 0 without stripes.
     part   : 1, 2, ... among the lines of the same kind, family and number.
     points : (k, 3) metres; the last point repeats the first if the line is closed.
-    length : metres, of the line on the mesh, before any simplification."""
+    length : length of the line on the mesh, before any simplification, metres."""
 
     kind: Kind
     family: str
@@ -110,8 +110,8 @@ def polyline_length(points: Floats) -> float:
 
 def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | None = None) -> list[Track]:
     """Return the lines on which a field x (n,), linear over each face, has one of the ascending levels (l,).
-    The chords are exact. A level through a vertex would give chords of length zero, which are removed.
-    within : (m,) faces that may have lines; by default all faces. The lines end at the border of these faces."""
+    The chords are exact; chords of length zero are removed.
+    within : (m,) marks of faces that may have lines; by default all faces. Lines end at the border of these faces."""
     nodes = _nodes(surface, x, levels)
     if nodes.level.size == 0:
         return []
@@ -173,8 +173,9 @@ def _side(i: Ints, j: Ints) -> Ints:
 
 
 def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """Join links between `count` nodes to chains. Return the nodes and links (c,) of each chain. A node has at most two
-    links. Open chains come first, each from its end with the lower number. Closed chains end with their first node."""
+    """Join links between `count` nodes to chains. Return the nodes and links (c,) of each chain.
+    A node has at most two links. Open chains come first, each from its end with the lower number. Closed chains end
+    with their first node."""
     node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)
@@ -203,7 +204,7 @@ def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints
 
 
 def simplified_line(points: Floats, tolerance: float) -> Floats:
-    """Return the polyline (k, d) with fewer points; no omitted point is farther than `tolerance` from the result.
+    """Return the polyline (k, d) with fewer points; omitted points lie within `tolerance` of the result.
     Both ends stay. In a closed polyline, the point farthest from the ends also stays [Douglas, Peucker 1973]."""
     keep = np.zeros(len(points), dtype=bool)
     keep[[0, -1]] = True
@@ -237,12 +238,14 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class CornerField:
     """A field on a surface with n vertices and m faces; its sign and offset may differ from face to face.
-    x      : (n, 1) values at the vertices, or (n, 2) for a band (see `dsfab.slicing.cutting.cut`). In a band, a place
-             is material if more levels lie below x[:, 0] than below x[:, 1].
-    sign, shift : (m, 3) of each corner of a face; sign is 1 or -1. The value there is sign * x + shift.
+    x      : (n, 1) values at the vertices; or (n, 2) values for the two edges of a band (see
+             `dsfab.slicing.cutting.cut`).
+    sign   : (m, 3) 1 or -1 at each corner of a face.
+    shift  : (m, 3) offset at each corner of a face. The value at the corner is sign * x + shift.
     blank  : (m,) faces without a field; the cut leaves them whole.
-    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere. The
-             mean fraction in an opening of earlier fields decides whether the opening stays."""
+    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere.
+    In a band, a place is material if more levels lie below x[:, 0] than below x[:, 1]. The mean of `wanted` in an
+    opening of earlier fields decides whether the opening stays."""
 
     x: Floats
     sign: Floats
@@ -272,7 +275,8 @@ class CornerField:
 @dataclass(frozen=True, eq=False)
 class DividedSurface:
     """A surface with n vertices and m faces divided into n' vertices and m' triangles on the same sheet.
-    whole   : the undivided surface.    surface : the divided surface; its first vertices are those of `whole`.
+    whole   : the undivided surface.
+    surface : the divided surface; its first vertices are those of `whole`.
     parent  : (m',) the face of each part.
     weights : (n', n) barycentric weights of each vertex in the vertices of `whole`, as in `dsfab.slicing.Sheet`."""
 
@@ -290,8 +294,9 @@ class DividedSurface:
         return cls(surface, surface, np.arange(surface.m), csr_array(eye_array(surface.n)))
 
     def with_halved_edges(self, edges: Bools, positions: Floats | None = None) -> "DividedSurface":
-        """Divide marked edges (e',), and the longest edge of each affected face, which keeps angles from shrinking.
-        positions : (e',) of the new vertices along the edges, 0 to 1; by default the middle."""
+        """Divide marked edges (e',). The longest edge of each affected face is also halved, so that angles do not
+        shrink.
+        positions : (e',) places of the new vertices along the edges, 0 to 1; by default the middle."""
         surface = self.surface
         edges = with_longest_edges(surface.V, surface.edges, edges)
         V, F, source = halved_edges(surface.V, surface.F, surface.edges, edges)
@@ -322,7 +327,7 @@ class DividedSurface:
         edges[uncut] = origins.edges[np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))]
         parts = self.cut_parts()
         corners = self.corners(parts)
-        # is_on_side[part, k, j]: side k of the part lies on its face's side j, opposite corner j
+        # is_on_side[part, k, j]: side k of the part lies on the side of its face opposite corner j
         is_on_side = (corners == 0) & (corners[:, [1, 2, 0]] == 0)
         marked = origins.edges[whole_edges.of[self.parent[parts]][:, [1, 2, 0]]]
         part, side, _ = np.nonzero(is_on_side & marked[:, None, :])

@@ -1,8 +1,8 @@
 """Exact geodesic distances along a triangle mesh from vertices, edges and faces.
 
-The search moves a front of windows over the mesh. A window is the part of an edge that a source sees through a strip
-of faces, unfolded into a plane [Mitchell, Mount and Papadimitriou 1987]. Vertices with an angle over 360 degrees, and
-boundary vertices, are new sources."""
+The search moves a front of windows over the mesh [Mitchell, Mount and Papadimitriou 1987]. A source sees an edge
+through a strip of faces, unfolded into a plane. A window is the visible part of the edge. New sources are boundary
+vertices, and vertices with an angle over 360 degrees."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,13 +16,14 @@ from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import next_half_edge
 
-SLACK = 1e-10  # Limit of rounding errors, as a share of the compared lengths, areas and angles.
+SLACK = 1e-10  # Limit of rounding errors, divided by the compared lengths, areas or angles.
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
     """Parts of edges that sources see, with coordinates in the plane of each source. The arrays hold k windows.
-    names  : (k, 5) the properties `edge` to `parallel`.    values : (k, 7) the properties `at_a` to `offset`."""
+    names  : (k, 5) the properties `edge` to `parallel`.
+    values : (k, 7) the properties `at_a` to `offset`."""
 
     names: Ints
     values: Floats
@@ -114,8 +115,8 @@ class Windows:
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
-        """Return the distance (..., k) of points C (..., k, 2) to the left of the ray through A + t (B - A), times the
-        length of `rays`. Distances within rounding errors are 0."""
+        """Return the distance (..., k) of points C (..., k, 2) to the left of the ray through A + t (B - A).
+        The distance is multiplied by the length of `rays`. Distances within rounding errors are 0."""
         P = self.place(t)
         ray = self.rays(P)
         offsets = cross2(ray, C - P)
@@ -154,7 +155,7 @@ class Origins(NamedTuple):
 
 class Distances(NamedTuple):
     """Distances (metres) at the vertices (n,) and the edge middles (e,), and the faces (m,) partly within reach.
-    Distances are exact on these faces. Elsewhere they are upper bounds, or infinite."""
+    Distances are exact on these faces. Outside them, distances are upper bounds, or infinite."""
 
     vertex: Floats
     middle: Floats
@@ -163,7 +164,7 @@ class Distances(NamedTuple):
 
 def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf) -> Distances:
     """Return the lengths of the shortest paths along a surface to the nearest origin; infinite if there is no path.
-    reach : metres; distances are exact on faces of which a part is closer than this. All other faces are skipped."""
+    reach : distance from the origins, metres. Faces that lie entirely beyond it are skipped."""
     front = _Front(surface, origins, reach)
     waiting = front.advance([front.edge_windows(), front.vertex_windows(_Bends.from_origins(origins))], reach)
     reached = front.reached.copy()
@@ -173,9 +174,10 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices (k,) at which shortest paths bend; `offset` (k,) metres is their distance from the source. A vertex
-    sends rays in directions that differ from the incoming path by more than `bound` radians. `angle` (k, 2) gives this
-    path's direction, measured from two edges (k, 2) at the vertex."""
+    """Vertices (k,) at which shortest paths bend. New rays differ from the incoming path by at least `bound` radians.
+    offset : (k,) distance of each vertex from the source, metres.
+    edge   : (k, 2) two edges at the vertex.
+    angle  : (k, 2) direction of the incoming path, measured from these edges, radians."""
 
     vertex: Ints
     offset: Floats
@@ -196,8 +198,9 @@ class _Bends(NamedTuple):
 
 class _Front:
     """Distances computed so far; see `Distances`.
-    size    : (e,) lengths of the edges.    reached : (m,) faces that are partly within reach.
-    bending : (n,) vertices at which paths may bend.   bent : (n,) distance of each vertex when it last sent out rays.
+    reached : (m,) faces that are partly within reach.
+    bending : (n,) vertices at which paths may bend.
+    bent    : (n,) distance of each vertex when it last sent out rays.
     waiting : vertices that still have to send out rays."""
 
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:

@@ -29,7 +29,7 @@ def bounding_box(V: Floats, F: Ints) -> Floats:
 
 def signed_volume(V: Floats, F: Ints) -> float:
     """Return the volume inside closed faces F (m, 3) on V (n, 3), in their unit cubed; negative for inward normals.
-    Method: divergence theorem, as a sum of tetrahedra with tips in the middle of the box, for accuracy."""
+    Method: divergence theorem, as a sum of tetrahedra with tips in the middle of the box."""
     return float(_tetrahedron_volumes(V, F).sum())
 
 
@@ -76,8 +76,9 @@ class NearestPlaces(NamedTuple):
 
 
 def nearest_places(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Return the places nearest to points (k, 3) on simplices of V (n, 3): triangles (m, 3), edges (m, 2) or vertices
-    (m, 1), m > 0. Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
+    """Return the places nearest to points (k, 3) on simplices of V (n, 3).
+    simplices : triangles (m, 3), edges (m, 2) or vertices (m, 1), at least one.
+    Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
     if not len(points):
         return NearestPlaces(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     arrays = (np.ascontiguousarray(x) for x in (points, V, simplices))
@@ -90,7 +91,7 @@ def weights_at(places: Floats, V: Floats, corners: Ints) -> Floats:
     return np.asarray(igl.barycentric_coordinates(places, *(np.ascontiguousarray(V[corners[:, i]]) for i in range(3))))
 
 
-ZERO_AREA = 1e-20  # A face counts as collapsed if its area is below this share of the surface's squared size.
+ZERO_AREA = 1e-20  # Largest area of a collapsed face, divided by the surface's squared size.
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +101,8 @@ class Surface:
     V : (n, 3) vertex positions, metres.
     F : (m, 3) vertex indices of each face, counter-clockwise seen from the side its normal points to.
 
-    Raises SurfaceError for coordinates that are not finite, impossible sizes, indices out of range and faces without
-    area. `dsfab.surface.topology.manifold_faults` reports faults of a mesh that is not an oriented manifold."""
+    Raises SurfaceError for invalid coordinates or indices, impossible sizes, and faces without area.
+    `dsfab.surface.topology.manifold_faults` reports other faults."""
 
     V: Floats
     F: Ints

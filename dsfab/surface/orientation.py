@@ -31,8 +31,8 @@ def upright_vertices(V: Floats, up: Up) -> Floats:
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
-    """Return 1 or -1 (m, 3) for each face corner: -1 if the face is flipped relative to the vertex's first face. All
-    values are 1 on an oriented surface. Each fan of faces at a vertex has its own first face."""
+    """Return 1 or -1 (m, 3) for each face corner: -1 if the face is flipped relative to the vertex's first face.
+    Each fan of faces at a vertex has its own first face. On an oriented surface, all values are 1."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
     h0, h1 = edges.pairs.T
@@ -81,8 +81,8 @@ def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
     wrong = int((one_sided_pieces(surface.F, surface.edges) & faces).sum())
     if wrong:
         raise SurfaceError(
-            f"{what} needs an outside, but {wrong} of its faces belong to a piece with one side only, for example a "
-            "Moebius strip; use forces with a direction, or pick faces elsewhere"
+            f"{what} needs an outside, but {wrong} of its faces belong to a piece with one side only (such as a "
+            "Moebius strip); use forces with a direction, or pick other faces"
         )
 
 

@@ -9,13 +9,13 @@ from scipy.sparse import coo_array, csr_array
 from dsfab.core.arrays import Bools, Ints, complement, first_few
 from dsfab.core.messages import count_phrase
 
-LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex, because each step takes time for all vertices.
+LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex.
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
     """Edges of a mesh, each listed once.
-    ends   : (e, 2) vertex indices, the smaller first: the edge's direction for all faces.
+    ends   : (e, 2) vertex indices, the smaller first; this is the edge's direction for all faces.
     of     : (m, 3) the edge of each half-edge.
     order  : (3 m,) half-edges sorted by edge; those of edge k are order[start[k] : start[k + 1]].
     start  : (e + 1,) positions in `order`."""
@@ -87,15 +87,15 @@ def edge_table(F: Ints) -> EdgeTable:
 
 
 def _counted_order(keys: Ints, count: int) -> Ints:
-    """Return the stable order that sorts integers (k,) below `count`. The transposition of a sparse matrix is a
-    counting sort [Gustavson 1978]. Two of them sort pairs in half the time of a usual sort."""
+    """Return the stable order that sorts integers (k,) below `count`.
+    The transposition of a sparse matrix is a fast counting sort [Gustavson 1978]."""
     rows = csr_array((np.ones(len(keys), dtype=np.int8), keys, np.arange(len(keys) + 1)), shape=(len(keys), count))
     return rows.tocsc().indices.astype(np.int64)
 
 
 def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
     """Return the number of edge-connected pieces, and the piece (m,) of each face; pieces with most faces come first.
-    Two parts that touch in a vertex only are two pieces: such a contact carries no moment and cannot be built."""
+    Two parts that touch only in a vertex are two pieces, because a contact in a point carries no moment."""
     face = edges.order // 3
     is_shared = np.diff(edges.of.ravel()[edges.order]) == 0
     count, label = link_components(len(F), face[:-1][is_shared], face[1:][is_shared])
@@ -106,9 +106,8 @@ def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
 
 def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
     """Return the number of components of `count` nodes with links i - j (k,), and the component of each node.
-    Components are in the order of their first nodes. Each round joins the trees at both ends of every link: the root
-    with the larger number moves below the root with the smaller number. Then the round shortens all paths [Shiloach and
-    Vishkin 1982]. On a few hundred nodes this is five times as fast as scipy's function for graphs."""
+    Components are in the order of their first nodes. Each round joins the trees at both ends of every link: the larger
+    root moves below the smaller root. Then all paths are shortened [Shiloach and Vishkin 1982]."""
     things = np.arange(count)
     root = things
     while len(i):
@@ -125,9 +124,8 @@ def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
 
 def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
     """Return closed chains (k,) of boundary vertices of an oriented mesh F (m, 3), the chain with most vertices first.
-    The surface lies left of each chain. At a pinch the chain stays with its fan of faces, so that two sheets that touch
-    in a vertex keep two loops. On a mesh without orientation, loops may have the opposite direction. On a mesh that is
-    not manifold, chains may be open; check `manifold_faults` first."""
+    The surface lies left of each chain. Two sheets that touch in a vertex keep two loops. Without orientation, loops
+    may have the opposite direction. Chains may be open if the mesh is not manifold; check `manifold_faults` first."""
     a, _ = half_edges(F)
     _, fan = _fans(F, edges)
     boundary = np.flatnonzero(edges.boundary[edges.of.ravel()])
@@ -175,16 +173,16 @@ def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
 
 
 def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> Ints:
-    """Return the faces (m, 3) on new vertices, one vertex for each fan of faces. This separates parts that touch in a
-    point, and faces on an edge with more than two faces.
-    also  : pairs (k, 2) of half-edges that stay joined on such edges.
-    apart : edges (e,) along which faces are separated, too."""
+    """Return the faces (m, 3) on new vertices, one vertex for each fan of faces.
+    This separates parts that touch in a point, and faces on an edge with more than two faces.
+    also  : (k, 2) pairs of half-edges that stay joined on an edge with more than two faces.
+    apart : (e,) marks of edges along which faces are separated, too."""
     return _fans(F, edges, also, apart)[1].reshape(-1, 3)
 
 
 def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> tuple[int, Ints]:
     """Return the number of edge-connected fans of faces around vertices, and the fan of each corner (3 m,).
-    Corner h is the start of half-edge h. A shared edge joins the corners of its two faces at both of its ends."""
+    Corner h is the start of half-edge h. A shared edge joins the corners of its two faces at each end of the edge."""
     pairs = edges.pairs if apart is None else edges.pairs[~apart[edges.count == 2]]
     h0, h1 = (pairs if also is None else np.concatenate([pairs, also])).T
     a, _ = half_edges(F)
@@ -197,9 +195,8 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 
 def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
-    """Return whether one walk around each vertex meets all of its corners; False if the walks cannot decide. Walks need
-    oriented faces. A walk starts at the boundary, if the vertex has one, and steps over the edges from corner to
-    corner. It stops after `LONGEST_WALK` steps, because a fan may have thousands of faces."""
+    """Return whether one walk around each vertex meets all of its corners; False if the walks cannot decide.
+    A walk steps over at most `LONGEST_WALK` edges from corner to corner, from the boundary if the vertex has one."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
     start = np.full(n, -1)
@@ -239,8 +236,8 @@ def duplicate_faces(F: Ints) -> Ints:
 
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
     """Return a mask (m,) of the faces to flip for a common orientation, the fewest of each piece; None if impossible.
-    Method: two copies of the mesh, one of them flipped, are joined along all edges at which they agree (orientation
-    double cover). A piece is orientable exactly if its two copies stay separate."""
+    Method: the mesh and a flipped copy are joined along all edges at which they agree (orientation double cover). A
+    piece is orientable exactly if its two copies stay separate."""
     m = len(F)
     a, _ = half_edges(F)
     h0, h1 = edges.pairs.T
@@ -305,8 +302,8 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
 
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
-    """Return a mask (e, ...) of the edges with both ends marked (n, ...). An inner edge between two boundary
-    vertices counts only if one of its faces has three marked corners and at most one boundary edge."""
+    """Return a mask (e, ...) of the edges with both ends marked (n, ...).
+    An inner edge between two boundary vertices needs a face with three marked corners and at most one boundary edge."""
     is_spanned = marks[edges.ends].all(axis=1)
     chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)

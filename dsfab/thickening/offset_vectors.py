@@ -50,19 +50,19 @@ def _edge_names(ends: Ints, count: int = 5) -> str:
     return ", ".join(f"{a}-{b}" for a, b in ends[:count]) + (", ..." if len(ends) > count else "")
 
 
-VISIBILITY_GAP = 0.001  # The search ends if the smallest cosine is within this fraction of the best possible.
+VISIBILITY_GAP = 0.001  # Largest gap to the best possible cosine, as a fraction, at which the search ends.
 CHUNK = 1 << 13  # Number of faces processed together, because they fit the processor's cache.
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
-    """Return unit normals (n, 3) at the vertices, at small angles to the normals of the faces around each vertex. The
-    smallest cosine of these angles is at least 95 % of the best possible.
+    """Return unit normals (n, 3) at the vertices, at small angles to the normals of the faces around each vertex.
+    The smallest cosine of these angles is at least 95 % of the best possible.
 
-    The best normal is the direction of the point nearest to the origin in the convex hull of the face normals [Gilbert
-    1966: step towards the worst face]. The length of any point of the hull is an upper bound of the best cosine. The
-    search starts from the mean weighted by the corner angles (m, 3); if cosines stay negative, it returns this mean.
+    faces   : (m, 3, 3) normal of each face at each of its corners, on the upper side of the vertex.
+    weights : (m, 3) corner angles.
 
-    faces : (m, 3, 3) normal of each face at each of its corners, on the upper side of the vertex."""
+    The best normal points to the point nearest to the origin in the convex hull of the face normals [Gilbert 1966].
+    The search starts from the weighted mean of the face normals. It returns this mean if cosines stay negative."""
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
@@ -150,7 +150,7 @@ def _sees_all(surface: Surface, N: Floats, faces: Floats) -> Bools:
 
 Side = Literal["mid", "out", "in"]
 
-SHIFT = {"mid": 0, "out": 1, "in": -1}  # Distance of the middle of the sheet from the surface, as a multiple of D.
+SHIFT = {"mid": 0, "out": 1, "in": -1}  # Distance of the sheet's middle from the surface, as a multiple of D.
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +160,7 @@ class Offsets:
     D        : (n, 3) half of the vector from the lower to the upper skin at each vertex, metres. Zero without faces.
     limited  : number of vertices where the surface bends too sharply for the thickness.
     smallest : smallest remaining fraction of the thickness, at the vertex `tightest`; 1 without limited vertices.
-    sides    : (m, 3) side of a face, 1 or -1, on which D lies at each of its corners (see `corner_sides`); always 1
-               except on one-sided surfaces."""
+    sides    : (m, 3) side of a face, 1 or -1, on which D lies at each corner (see `corner_sides`)."""
 
     D: Floats
     limited: int
@@ -182,13 +181,16 @@ class Offsets:
 def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> Offsets:
     """Return offset vectors for a sheet of `thickness` (metres, measured normal to its faces) around a surface.
 
-    Each vector has the direction that makes the smallest angles with the normals around its vertex. It is longer at
-    creases (mitre, at most twice), and shorter where the prisms over the faces would fold over.
-
-    thickness : of the whole sheet, one number or (n,) at each vertex.
+    thickness : thickness of the whole sheet, one number or (n,) at each vertex.
     side      : "mid": the surface is in the middle; "out": the sheet is on the side of the normals; "in": on the back.
-    Raises SolidError for a thickness that is not positive, and for surfaces that are not manifolds or are wrongly
-    oriented. Also raises it for "out" and "in" on a one-sided surface."""
+
+    Each vector makes the smallest possible angles with the normals around its vertex. It is longer at creases (mitre,
+    at most twice), and shorter where the prisms over the faces would fold over.
+
+    Raises SolidError for
+    - a thickness that is not positive;
+    - surfaces that are not manifolds or are wrongly oriented;
+    - "out" and "in" on a one-sided surface."""
     t = _checked_thickness(surface, thickness)
     check_oriented(surface)
     if side != "mid" and one_sided_pieces(surface.F, surface.edges).any():
@@ -217,10 +219,10 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
 def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
-    """Return factors (n,), at most 1, on D (n, 3) for which every prism over a face has a clearly positive Jacobian. At
-    corners with offsets nearly parallel to the face, a smaller Jacobian is accepted: shrinking does not help there.
-    sides : as in `Offsets`.    shift : as in `SHIFT`.    shrink : factor of each step.
-    smallest : smallest factor; an exact test of intersections follows later."""
+    """Return factors (n,), at most 1, on D (n, 3) for which every prism over a face has a clearly positive Jacobian.
+    A smaller Jacobian is accepted at corners with offsets nearly parallel to the face, because shrinking does not help.
+    sides  : (m, 3) as in `Offsets`.
+    shrink : factor of each step."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):
@@ -241,9 +243,10 @@ def safe_shares(
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and their lower limits (m, 3).
-    The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to Bernstein polynomial k of s
-    and corner v. If all are positive, the prism does not fold over. Their unit is twice the area times the mean |d|.
-    P, d : (m, 3, 3) corners and half-thickness vectors of the faces, both on the side of the faces' normals."""
+    P : (m, 3, 3) corners of the faces.
+    d : (m, 3, 3) half-thickness vectors at the corners, on the side of the faces' normals.
+    Coefficient [k, v] belongs to Bernstein polynomial k of s and corner v. If all coefficients are positive, the prism
+    does not fold over. Their unit is twice the area times the mean |d|."""
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]
     flat = cross(e1, e2)

@@ -23,9 +23,9 @@ class UnfoldedSheet:
 
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
-    """Smooth small folds of a sheet, up to twice its thickness in size. D (n, 3): half-thickness vectors, metres. A
-    small fold, mostly of a few faces, is a fault of the mesh. No offset can repair it, because even thin prisms on the
-    fold turn over. Larger folds are intended, because the surface crosses itself there."""
+    """Smooth small folds of a sheet, up to twice its thickness in size; D (n, 3): half-thickness vectors, metres.
+    A small fold is a fault of the mesh that no offset can repair, because even thin prisms turn over. Larger folds are
+    intended crossings."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
@@ -49,9 +49,8 @@ def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
     """Remove the last intersections; return vertices V (n, 3), offsets D (n, 3) and the remaining pairs (k, 2).
-    The sheet becomes thinner at faces that meet, down to a film if necessary. Shortening does not help an offset that
-    is nearly parallel to a face: this offset and its vertex move half of the way to the mean of the neighbours. The
-    result is the best state of all rounds."""
+    The sheet becomes thinner at faces that meet, down to a film if necessary. An offset nearly parallel to a face
+    moves halfway to the mean of its neighbours, with its vertex. The result is the best state of all rounds."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # single precision has visible errors at half of this length
     result = V, D, pairs
@@ -106,7 +105,7 @@ class RepairedSkin:
     """A skin after repair: offsets D (n, 3), metres, wall diagonals (r,), and pairs (k, 2) of faces that intersect.
     found   : number of pairs before the repair.
     crosses : number of pairs of faces in which the sheet itself, without thickness, crosses itself.
-    union   : replaces the skin if the sheet crosses itself; `pairs` then refers to the union.
+    union   : mesh that replaces the skin if the sheet crosses itself; `pairs` then refers to the union.
     V       : (n, 3) vertices of the sheet, moved at small folds."""
 
     V: Floats
@@ -119,9 +118,9 @@ class RepairedSkin:
 
 
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
-    """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible. Thinning does not help a
-    sheet that crosses itself: dsfab cuts the sheet into patches, and unites their solids.
-    among : mask of the skin's faces that may intersect, with offsets D and any diagonals; default: all."""
+    """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
+    If the sheet crosses itself, dsfab cuts it into patches and unites their solids.
+    among : mask of the skin's faces that may intersect, with offsets D and any diagonals; by default all faces."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
@@ -175,7 +174,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
     """Shorten offsets around the pairs until no pair or no permitted shortening remains; return the best state.
-    free : (n,) vertices whose offsets may be shortened."""
+    free : (n,) marks of vertices whose offsets may be shortened."""
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)

@@ -31,7 +31,7 @@ def rounding_step(V: Floats, D: Floats) -> float:
 
 def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     """Collapse short edges and merge coplanar faces of a closed mesh V (n, 3), F (m, 3); it stays closed and oriented.
-    tolerance : largest move of each collapse, in V's unit; all collapses together may move points 1.5 to 3 times this.
+    tolerance : largest move of each collapse, in V's unit. All collapses together may move points up to 3 times as far.
     Raises SolidError if manifold3d rejects the mesh, or if all of it collapses."""
     import manifold3d
 
@@ -46,7 +46,9 @@ def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
 
 def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, Ints]:
     """Return vertices (2 n, 3), metres, and triangles (k, 3) of the closed mesh around a manifold sheet.
-    D : (n, 3) half-thickness vectors. shift : as in `Skin`. Crossings of the mesh with itself are not tested."""
+    D     : (n, 3) half-thickness vectors, metres.
+    shift : as in `Skin`.
+    The function does not test whether the mesh crosses itself."""
     skin = Skin.from_surface(surface, shift)
     return skin.vertices(surface.V, D), skin.faces(skin.shorter_diagonals(surface.V, D))
 
@@ -55,11 +57,12 @@ def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, In
 class Skin:
     """Connectivity of the solid around a sheet of n vertices; the sheet lies to the left of every rim edge p -> q.
 
-    Vertex i has the copies i, on the upper side of the first face around it, and n + i on the other side.
-    upper : (m, 3) copies of the corners on the side of each face, lower : (m, 3) copies on its back.
-    p, q  : (2, r) copies of the ends of the boundary edges, on the side of their face and on its back.
-    rim   : (r,) the faces of the boundary edges.
-    shift : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D.
+    Vertex i has copy i on the upper side of the first face around it, and copy n + i on the back.
+    upper  : (m, 3) copies of the corners on the side of each face.
+    lower  : (m, 3) copies of the corners on the back of each face.
+    p, q   : (2, r) copies of the ends of the boundary edges, on the side of their face and on its back.
+    rim    : (r,) the faces of the boundary edges.
+    shift  : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D.
     single : True if `round_to_single` rounds the vertices.
 
           p+ --- q+        upper skin        slash: diagonal q+ p-     backslash: diagonal p+ q-

@@ -32,16 +32,20 @@ Place = tuple[float, float, float]
 class Repairs:
     """Numbers of the repair of a solid.
 
-    rung     : strongest method that the repair used: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts
-               of a sheet that crosses itself).
-    found    : pairs of faces that intersected before the repair.
-    thinned  : vertices where the sheet was thinned because it met itself, `thinnest` the smallest remaining share of
-               the thickness, and `thinnest_at` its place, metres; 0, 1 and None if nothing was thinned.
-    pairs    : pairs of faces that still intersect, and `pairs_at` the place of the first, metres.
-    crossings : number of lines along which the sheet crosses itself, and where its parts were fused.
-    moved    : vertices moved at small folds of the sheet, at most by `moved_by` metres.
-    lost     : share of the sheet's volume that thinning removed.
-    limited  : vertices of the uncut surface where sharp bends make the sheet thinner, down to `smallest`."""
+    rung        : strongest method of the repair: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts of
+                  a sheet that crosses itself).
+    found       : number of pairs of faces that intersected before the repair.
+    thinned     : number of vertices where the sheet was thinned because it met itself.
+    thinnest    : smallest remaining fraction of the thickness; 1 if nothing was thinned.
+    thinnest_at : place of the smallest thickness, metres; None if nothing was thinned.
+    pairs       : number of pairs of faces that still intersect.
+    pairs_at    : place of the first of these pairs, metres.
+    crossings   : number of lines along which the sheet crosses itself; its parts are fused there.
+    moved       : number of vertices moved at small folds of the sheet.
+    moved_by    : largest move of these vertices, metres.
+    lost        : fraction of the sheet's volume that thinning removed.
+    limited     : number of vertices of the uncut surface where sharp bends make the sheet thinner.
+    smallest    : smallest remaining fraction of the thickness at these bends."""
 
     rung: Literal["none", "flipped", "thinned", "united"] = "none"
     found: int = 0
@@ -129,18 +133,18 @@ def _triple(point: Floats) -> Place:
     return float(point[0]), float(point[1]), float(point[2])
 
 
-VOLUME_TOLERANCE = 1e-9  # Largest difference from the volume by manifold3d, divided by area and size of the solid.
+VOLUME_TOLERANCE = 1e-9  # Largest error of the volume, divided by area and size of the solid.
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
     """A closed triangle mesh, ready to be built.
 
-    V      : (n, 3) vertices, metres.
-    F      : (m, 3) faces, counter-clockwise seen from outside.
-    genus  : number of handles of its boundary, summed over all its closed boundary surfaces.
-    pieces : number of connected pieces of material. A thickened closed surface is one piece with two boundary surfaces.
-    notes  : sentences on changes that made the solid buildable, and on remaining faults.
+    V       : (n, 3) vertices, metres.
+    F       : (m, 3) faces, counter-clockwise seen from outside.
+    genus   : number of handles, summed over all closed boundary surfaces.
+    pieces  : number of connected pieces of material; a thickened closed surface is one piece.
+    notes   : sentences on changes that made the solid buildable, and on remaining faults.
     repairs : the changes and faults in numbers."""
 
     V: Floats
@@ -201,19 +205,18 @@ class Solid:
 def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | None = None) -> Solid:
     """Return the solid between the skins V + D and V - D of a sheet, closed by walls ruled along D on its boundary.
 
-    surface : an edge-manifold sheet without contacts in a point. It may have several pieces, be closed, or be one-sided
-              (a Moebius strip, whose two skins are one).
-    D       : (n, 3) half-thickness vectors, metres, from `offsets`, interpolated by the slicer without normalisation.
-              If faces disagree about their side, each vector is on the side of the first face around its vertex.
+    surface : an edge-manifold sheet without contacts in a point; it may be closed, one-sided, or in several pieces.
+    D       : (n, 3) half-thickness vectors from `offsets`, on the side of the first face around each vertex, metres.
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
     proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
 
-    Each wall gets its shorter diagonal. An exact test finds intersections. Repair flips wall diagonals and thins
-    locally, down to 0.3 of D. If the sheet crosses itself, repair divides it and unites solids of its parts. `notes`
-    and `repairs` report the changes and the remaining intersections. The test uses vertices rounded to single precision
-    in millimetres, as in STL files. For flat sheets, and far from the origin, where rounding would be visible, it uses
-    exact vertices. The solid itself stays exact if it also passes the test: then triangles of one plane are one face of
-    a STEP file. Raises SolidError for other sheets, for missing vectors, and if manifold3d rejects the result."""
+    An exact test finds intersections, with vertices rounded as in STL files (single precision, millimetres). It uses
+    exact vertices for flat sheets and far from the origin. The solid keeps exact vertices that also pass the test.
+
+    Repair flips wall diagonals and thins the sheet locally, down to 0.3 of D. A sheet that crosses itself is divided,
+    and the solids of its parts are united. `notes` and `repairs` report the changes and the remaining intersections.
+
+    Raises SolidError for other sheets, for missing vectors, and if manifold3d rejects the result."""
     check_edges(surface)
     check_contacts(surface)
     surface, D = _used_part(surface, D)
@@ -252,7 +255,8 @@ def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) ->
 
 def check_solid(solid: Solid) -> None:
     """Raise SolidError unless manifold3d accepts the solid as a closed manifold and finds the same positive volume.
-    manifold3d makes a bad mesh empty without an error, so the status is read. Intersections are not tested."""
+    The function reads the status, because manifold3d empties a bad mesh without an error. It does not test
+    intersections."""
     import manifold3d
 
     mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # writable copies
@@ -271,7 +275,7 @@ def check_solid(solid: Solid) -> None:
     if abs(judged.volume() - solid.volume) > VOLUME_TOLERANCE * solid.area * size:
         raise SolidError(
             f"the solid's volume is {solid.volume:.9g} m3, manifold3d measures {judged.volume():.9g} m3; "
-            "the sheet has details below the precision of coordinates; use a coarser mesh"
+            "details of the sheet are smaller than the precision of coordinates; use a coarser mesh"
         )
 
 
@@ -305,7 +309,7 @@ def _check_upward(surface: Surface, skin: Skin, D: Floats) -> None:
     if len(turned):
         raise SolidError(
             f"the offset vectors point to the back of {len(turned)} of {count} pieces of the sheet (first piece with "
-            f"face {int((label == turned[0]).argmax())}); turn those faces over, or the vectors"
+            f"face {int((label == turned[0]).argmax())}); reverse these faces or the vectors"
         )
 
 

@@ -15,13 +15,14 @@ from dsfab.surface.topology import adjacency, corner_fans, corners_of, edge_tabl
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
-INWARD = 0.005  # Vertices at seams and ends of patches move by this fraction of the distance to their neighbours.
+INWARD = 0.005  # Move of vertices at seams and ends of patches, divided by the distance to their neighbours.
 
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
     """A part of the sheet, extended over adjacent faces of other parts.
-    faces : (m,) mask of all these faces.    V : (n, 3) vertices of the sheet, some of them moved.
+    faces : (m,) mask of the faces of the extended part.
+    V     : (n, 3) vertices of the sheet, some of them moved, metres.
     share : (n,) factors on the offsets."""
 
     faces: Bools
@@ -32,7 +33,8 @@ class Overlap:
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Return one part for each colour of the faces (m,); a part extends over adjacent faces of higher colours.
     clashes : (k, 2) pairs of faces of the sheet whose prisms meet; no part contains such a pair.
-    A part of colour c is thinner by 2 % (1 + c / 2) at a seam with a lower colour, and by half of this beside it."""
+    At a seam with a lower colour, a part of colour c is thinner by 2 % (1 + c / 2). Beside the seam, it is thinner by
+    half of this amount."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -108,8 +110,8 @@ class PrismUnion:
 def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> PrismUnion | None:
     """Unite the prisms over a sheet whose solid has intersecting faces `pairs` (k, 2).
     corners : (m, 3, 3) offset vectors at the corners of the faces, on the side of each face.
-    Returns None if the union needs too many patches, or if manifold3d rejects a part. A cut cannot separate faces that
-    meet at a common vertex. There the sheet bends too sharply and becomes thinner."""
+    Returns None if the union needs too many patches, or if manifold3d rejects a part. The sheet becomes thinner where
+    faces meet at a common vertex, because no cut can separate them."""
     graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
     meeting = skin.sources()[pairs]
@@ -139,7 +141,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
     """Return the union, with short edges collapsed so that the fewest pairs intersect, and these pairs.
-    If two surfaces cross near a vertex, points on their intersection can be too close for single precision."""
+    Points on an intersection can otherwise be too close for single precision."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
@@ -205,7 +207,8 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 class _Part(NamedTuple):
     """A closed mesh V (n, 3), F (m, 3).
-    found : (k, 2) pairs of sheet faces whose prisms meet.    around : (k,) mask of the pairs with a common vertex."""
+    found  : (k, 2) pairs of sheet faces whose prisms meet.
+    around : (k,) mask of the pairs with a common vertex."""
 
     V: Floats
     F: Ints

@@ -9,10 +9,10 @@ from dsfab.core.arrays import Floats, Ints, lock
 from dsfab.surface import edge_table, link_components
 from dsfab.thickening.solid import Solid
 
-INSIDE = 0.02  # Lines start near a face's corner, where walls are thinnest: fraction of the way to the face's centre.
+INSIDE = 0.02  # Distance of a line's start from a face's corner, divided by the distance of the face's centre.
 OPPOSED = float(np.cos(np.radians(20)))  # Faces at larger angles form an edge, not a wall.
-LARGE = 1e6  # Size of the scaled mesh, because libigl's rays miss triangles of less than about 1e-6 in area.
-FLAT = float(np.cos(1e-3))  # Neighbours that are parallel to a thousandth of a radian form one flat facet.
+LARGE = 1e6  # Size of the scaled mesh, because libigl's rays miss triangles with areas below 1e-6.
+FLAT = float(np.cos(1e-3))  # Least cosine of the angle between neighbours in one flat facet.
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +71,8 @@ class Facets:
 
 def thinnest_wall(solid: Solid) -> Wall | None:
     """Return the thinnest wall of a solid, from one line at each vertex; None without opposite faces.
-    The thickness is the distance of a line's start from the plane of the face that it hits. This is exact between flat
-    faces. Facets that meet in a point form a tip, which tapers to nothing and is not a wall. For example, a sheet that
-    crosses itself has tips where its parts are fused."""
+    The thickness is the distance of a line's start from the plane of the face that it hits. It is exact between flat
+    faces. Facets that meet in a point form a tip, which is not a wall."""
     V, F = np.array(solid.V), np.array(solid.F)
     face = _largest_faces(V, F)
     corner = np.arange(len(V))[face >= 0]

@@ -21,8 +21,10 @@ from dsfab.workshop.planks import PlankPlan, plank_courses, upright_course
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
     """Part of a member, bent back into space, at k stations.
-    edges : (k, 2, 3) right and left edge (m).    normals : (k, 3) unit normals of its face.
-    holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes."""
+    edges   : (k, 2, 3) right and left edge, metres.
+    normals : (k, 3) unit normals of the part's face.
+    holes   : (h, 3) middles of holes, or of slot bottoms, metres.
+    bolts   : (h,) names of bolts or nodes."""
 
     id: str
     member: str
@@ -34,8 +36,8 @@ class RefoldedStrip:
 
 @dataclass(frozen=True, eq=False)
 class RefoldedPlan:
-    """Strips or planks of a plan in space, and the deviations (h,) of their joints (m). A deviation is the distance of
-    a hole from the line of its bolt, or the distance between the two slots at a node."""
+    """Strips or planks of a plan in space, and the deviations (h,) of their joints (m).
+    A deviation is the distance of a hole from the line of its bolt, or the distance between the two slots at a node."""
 
     strips: tuple[RefoldedStrip, ...]
     deviations: Floats
@@ -114,7 +116,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
     left_start = int((y > y.max() / 2).argmax())
     right_edge, left_edge = (places[:left_start], y[:left_start]), (places[left_start:][::-1], y[left_start:][::-1])
     chains = [_with_ends(right_edge, left_edge), _with_ends(left_edge, right_edge)]
-    # slot sides slope by 1e-7 m, so that the plank has one depth at each place
+    # slot sides slope slightly, so that the plank has one depth at each place
     steps = [np.maximum.accumulate(x) + 1e-7 * np.arange(len(x)) for x, _ in chains]
     every = np.unique(np.concatenate([*steps, along]))
     sides = [np.interp(every, x, side) for x, (_, side) in zip(steps, chains, strict=True)]
@@ -153,9 +155,10 @@ def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool 
 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
     """Return the built members of a plan, in the order of the design's shapes (m).
-    shapes : as in `dsfab.design.output`: vertices of the upper skin, then of the lower skin.
+    shapes : shapes of members as in `dsfab.design.output`: vertices of the upper skin, then of the lower skin.
     shift  : height of the skins' middle above the surface, in half thicknesses.
-    Strips, planks and cover plates are bent back from flat parts. Plates have the stock's thickness, bars no mitres."""
+    Strips, planks and cover plates are bent back from flat parts. Plates have the stock's thickness. Bars have no
+    mitres."""
     if plan.bars:
         return _bar_shapes(plan.bars, shapes, shift)
     built = {part.member for part in plan.parts}

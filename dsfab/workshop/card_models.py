@@ -25,8 +25,8 @@ from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import splice_cuts, strip_fits
 from dsfab.workshop.strips import HOLE_FIT, StripLimits, bending_strain, is_strip, letter_height
 
-CREASE_STRAIN = 0.01  # rule of thumb: greyboard creases at a bending radius of 50 thicknesses; thin card can bend more
-NARROWEST = 0.002  # smallest width of card strips (m); narrower strips tear at holes, and a laser burns through them
+CREASE_STRAIN = 0.01  # rule of thumb: greyboard creases at a bending radius of 50 thicknesses
+NARROWEST = 0.002  # smallest width of card strips (m); narrower strips tear at holes
 MODEL_LETTERS = (0.003, 0.002)  # largest heights of part names and of node names (m)
 
 
@@ -76,7 +76,7 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
             f"({narrow[0].id} is {length(least)}): build at 1:{larger:g} or larger, or make members "
             f"{length(NARROWEST * scale)} wide, see [pattern.width]"
         )
-    fit = 1e-4  # metres: largest error of the length between two pins that a coarse mesh may cause
+    fit = 1e-4  # largest error of a coarse mesh in the length between two pins (m)
     wanted_edge = limits.wanted_edge * np.sqrt(fit / HOLE_FIT) * scale if bolt else np.inf
     if limits.edge * scale > 1.05 * wanted_edge:
         notes.append(
@@ -108,16 +108,17 @@ def _rounded_scale(limit: float) -> float:
 
 
 THROUGH_ORDER = ("keep", "rim", "major", "minor")  # where two families cross, the family named first here is continuous
-ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and at its tip, in panel widths
-TAB_GAP_SHARE = 0.15  # distance of a tab from the axis of the member above, in half widths of this member
+ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and tip, in panel widths
+TAB_GAP_SHARE = 0.15  # distance of a tab from the axis of the member above, in half widths
 SHARP_SINE = float(np.sin(np.radians(25.0)))  # members that cross at sharper angles are glued on each other, not cut
 
 
 @dataclass
 class PanelParts:
     """Panels, and counts of their details.
-    sharp   : names of nodes at which the angle between members is too sharp for a cut.    tabs : number of tabs.
-    covered : number of bays that are too short for a panel.    feet : pairs of a panel's name and its foot."""
+    sharp   : names of nodes at which the angle between members is too sharp for a cut.
+    covered : number of bays that are too short for a panel.
+    feet    : pairs of a panel's name and its foot."""
 
     parts: list[FlatPart] = field(default_factory=list)
     sharp: list[str] = field(default_factory=list)
@@ -140,8 +141,10 @@ class PanelParts:
 @dataclass(frozen=True, eq=False)
 class _CrossingEdge:
     """Member that crosses a course at the node `name`.
-    s : arc length of the crossing.    way : (2,) unit direction of the member.    half : half its width (m).
-    over : whether the crossing member is the continuous one."""
+    s    : arc length of the crossing, metres.
+    way  : (2,) unit direction of the member.
+    half : half width of the member, metres.
+    over : True if the crossing member is the continuous one."""
 
     name: str
     s: float
@@ -166,8 +169,9 @@ def panel_parts(
     ground: BasePlane | None = None,
 ) -> PanelParts:
     """Return the panels of all strips of a graph at model size.
-    letters : largest height of names (m).    room : lengths and widths (m) that parts may have on the stock.
-    ground  : base plate for feet with tabs; without a base plate (None) the ends have no feet."""
+    letters : largest height of names, metres.
+    room    : lengths and widths that parts may have on the stock, metres.
+    ground  : base plate for feet with tabs; None for ends without feet."""
     members = [member for member in graph.members if is_strip(member)]
     widest = max((member.mean_width for member in members), default=0.0)
     courses = {member.id: member_course(graph, member, 0.0, 6 * widest) for member in members}
@@ -200,7 +204,8 @@ def _crossing_edge(
 @dataclass(frozen=True)
 class _PanelEnd:
     """End of a panel: arc lengths at its right and left edge, and corners of its tab from right to left.
-    tab : (q,) arc lengths and (q,) distances to the left; empty without a tab.    foot : a tab into the base plate."""
+    tab  : (q,) arc lengths and (q,) distances to the left, metres; empty without a tab.
+    foot : a tab into the base plate."""
 
     right: float
     left: float
@@ -255,8 +260,8 @@ class _MemberPanels:
         return _PanelEnd(float(shoulders[0]), float(shoulders[1]), (tab, y))
 
     def _ends_with_foot(self, begin: _PanelEnd, end: _PanelEnd) -> tuple[_PanelEnd, _PanelEnd]:
-        """Return both ends of a panel. If one end has a foot, the tab at the other end becomes shorter, so that the
-        panel between foot and tab stays in one piece."""
+        """Return both ends of a panel. If one end has a foot, the tab at the opposite end may become shorter.
+        The panel between foot and tab then stays in one piece."""
         least = 0.1 * self.member.mean_width  # least length of the panel between its two tabs
         if begin.foot and len(end.tab[0]):
             low = max(begin.right, begin.left) + least

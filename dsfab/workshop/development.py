@@ -3,8 +3,7 @@
 A curve P + h N lies at a height h along the normals N of the axis. Its lengths, its angle phi to the axis, and its
 bending kg_h in the surface are
     ds_h = sqrt((1 - h kn)^2 + (h tg)^2) ds      phi = atan2(-h tg, 1 - h kn)      kg_h = (kg + phi') ds / ds_h
-The formulas follow from N' = -kn T - tg B (Darboux frame). With lengths of the middle surface in place of ds_h, strips
-of two layers would miss each other by centimetres on a dome."""
+The formulas follow from N' = -kn T - tg B (Darboux frame)."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,17 +16,19 @@ from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph
 
 PARALLEL_SHARE = 0.05  # relative change of width up to which edges count as parallel
-OBLIQUE_WIDTHS = 1.5  # length at each end of a member in which oblique cuts change the width, in widths
+OBLIQUE_WIDTHS = 1.5  # length of a member's end with oblique cuts, in widths
 EXTENSION_STATIONS = 16  # number of stations beyond each end of an axis
 
 
 @dataclass(frozen=True, eq=False)
 class StripCourse:
     """Stations along an axis and a little beyond its ends, in metres and 1/m as in `MemberAxis`.
-    s     : (k,) arc length; a closed axis has stations for more than one round.
-    P, T, N : (k, 3) points, tangents, normals.    kg, kn, tg : (k,) curvatures and torsion.
-    left, right : (k,) distances from the axis to the edges of the member (m).
-    begin, end : arc lengths of the built part.    closed : whether both ends are at the same place."""
+    s           : (k,) arc length; a closed axis has stations for more than one round.
+    P, T, N     : (k, 3) points, tangents, normals.
+    kg, kn, tg  : (k,) curvatures and torsion.
+    left, right : (k,) distances from the axis to the edges of the member.
+    begin, end  : arc lengths of the built part.
+    closed      : True if both ends are at the same place."""
 
     s: Floats
     P: Floats
@@ -50,7 +51,7 @@ class StripCourse:
 
     def frame_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return points, unit tangents and unit normals (q, 3) at arc lengths (q,), by cubic interpolation [Hermite].
-        On a narrow ring, chords would be a quarter of a millimetre away from the arcs."""
+        Chords would be too far from the arcs on a narrow ring."""
         i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         h = (self.s[i + 1] - self.s[i])[:, None]
         t = (np.asarray(s) - self.s[i])[:, None] / h
@@ -81,8 +82,8 @@ class StripCourse:
 
 def member_course(graph: MemberGraph, member: Member, overhang: float, extra_length: float) -> StripCourse:
     """Return the course of a member with an axis.
-    overhang : least length beyond the first node and beyond the last node (m).
-    extra_length : length of stations beyond the built part (m).
+    overhang     : least length beyond the first node and beyond the last node, metres.
+    extra_length : length of stations beyond the built part, metres.
     A closed course begins in the middle of its longest bay. A course that curls up at an end stops before the curl."""
     axis = member.curve
     left_edge, right_edge = smooth_edge_distances(axis, member.sides)
@@ -120,9 +121,9 @@ def uncurled_span(member: Member) -> tuple[float, float]:
 
 
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
-    """Return smooth distances (k,) to the left and to the right edge (m). `sides` (k, 2) are these distances as cut on
-    a mesh. Edges become parallel to the axis if they deviate from it by noise only; the remaining edges are smoothed.
-    """
+    """Return smooth distances (k,) to the left and to the right edge (m).
+    sides : (k, 2) distances to the two edges as cut on a mesh, metres.
+    Edges become parallel to the axis if they deviate from it by noise only. Other edges are smoothed."""
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
@@ -184,8 +185,8 @@ CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its ar
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """Plane development of a course at a height h along its normals (m). The development x (k, 2) begins at the origin
-    along +x; k counts the stations of the course."""
+    """Plane development of a course at a height h along its normals (m).
+    The development x (k, 2) begins at the origin along +x; k counts the stations of the course."""
 
     course: StripCourse
     height: float
@@ -242,8 +243,8 @@ class Development:
         return P + self.height * N, np.cos(turn) * T + np.sin(turn) * B, np.cos(turn) * B - np.sin(turn) * T, N
 
     def piercing_point(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
-        """Return the point where a layer meets the line through a point (3,) along a unit normal (3,). The result is an
-        arc length of the course close to `s`, and the distance to the left (m)."""
+        """Return the point where a layer meets the line through a point (3,) along a unit normal (3,).
+        The result is an arc length of the course close to `s`, and the distance to the left (m)."""
         y = 0.0
         for _ in range(4):  # these are Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))

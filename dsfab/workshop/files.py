@@ -195,6 +195,8 @@ BAR_HEAD = (
 def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
     """Return a row for each bar: its nodes, sizes and angles.
     files : name of the drawing, without suffix, by bar; equal bars share a drawing.
+
+    Columns of angles and sizes:
     along : degrees from the first bar of the node, counter-clockwise from outside.
     dip   : degrees below the node plate.
     twist : degrees from the first to the second node, right-handed.
@@ -257,9 +259,9 @@ def write_workshop(
     plan: WorkshopPlan, folder: Path, name: str, documents: Mapping[str, bytes] = MappingProxyType({})
 ) -> Path:
     """Write the files of a plan into a folder, all of them or none; equal plans give equal bytes.
-    Files of an earlier plan, which the cut list in the folder names, are removed.
     documents : further files by name.
-    Raises ExportError if the folder is not writable."""
+    Files of an earlier plan are removed if the cut list in the folder names them. Raises ExportError if the folder is
+    not writable."""
     with atomic_folder(folder, _outdated_files) as partial:
         nest = nest_drawing(plan, name)
         write_chunks(partial / f"{NEST}.dxf", [flat_dxf(nest)])

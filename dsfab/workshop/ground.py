@@ -16,16 +16,17 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.workshop.development import Development, StripCourse
 from dsfab.workshop.parts import FlatPart, half_plane_clip, label
 
-STEEP_SINE = np.sin(np.radians(25.0))  # a strip with a smaller slope has no tab and is glued on the plate
+STEEP_SINE = np.sin(np.radians(25.0))  # smallest slope (sine) of a strip with a tab
 
 
 @dataclass(frozen=True, eq=False)
 class StripFoot:
     """End of a layer on the base plate, by arc lengths of its course.
     shoulders : (4,) arc lengths on the plate: right edge, right and left side of the tab, left edge.
-    sides     : (4,) distances of the shoulders to the left of the axis (m).
-    tips      : (2,) arc lengths of the tab's end, right and left.    at_end : whether the foot is at the course's end.
-    slot      : (4, 2) corners of its slot in the plate (m)."""
+    sides     : (4,) distances of the shoulders to the left of the axis, metres.
+    tips      : (2,) arc lengths of the tab's end, right and left.
+    slot      : (4, 2) corners of the foot's slot in the plate, metres.
+    at_end    : True if the foot is at the course's end."""
 
     shoulders: Floats
     sides: Floats
@@ -42,9 +43,11 @@ class StripFoot:
 
 @dataclass(frozen=True, eq=False)
 class BasePlane:
-    """Upper face of the base plate, through a point (3,) in metres, with the unit normal `up` (3,).
-    supports : (q, 3) supported places of the surface.    reach : largest distance of a foot from a support (m).
-    thickness : thickness of the plate (m).    clearance : gap between a tab and its slot, on each side (m)."""
+    """Upper face of the base plate of a model.
+    point, up : (3,) point in the face, metres, and unit normal of the face.
+    supports  : (q, 3) supported places of the surface, metres.
+    reach     : largest distance of a foot from a support, metres.
+    clearance : gap between a tab and its slot, on each side, metres."""
 
     point: Floats
     up: Floats
@@ -117,7 +120,8 @@ class BasePlane:
 
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
         """Return arc lengths (q,) near `station` at which lines beside the axis have a height over the plate (m).
-        sides : (q,) distances of the lines to the left of the axis (m). None if a line does not reach the height."""
+        sides : (q,) distances of the lines to the left of the axis, metres.
+        Returns None if a line does not reach the height."""
         s, course = np.full(len(sides), station), layer.course
         for _ in range(20):  # these are Newton steps
             P, T, B, _ = layer.frame(s)
@@ -188,10 +192,10 @@ NO_FEET_NOTE = "no strip ends on the base plate steeply enough for a tab: glue t
 def base_parts(
     ground: BasePlane, surface: Surface, feet: list[tuple[str, StripFoot]], room: list[tuple[float, float]]
 ) -> list[FlatPart]:
-    """Return the base plate as a few equal rectangles, each in its place under the model.
-    The number of rectangles is the smallest for which each fits into one of `room`.
-    surface : surface at model size, with the supports of `ground`.    feet : pairs of a part's name and its foot.
-    room : lengths and widths (m)."""
+    """Return the base plate as equal rectangles, as few as possible, each in its place under the model.
+    surface : surface at model size, with the supports of `ground`.
+    feet    : pairs of a part's name and its foot.
+    room    : lengths and widths of the stock, metres; each rectangle fits into one of them."""
     engraved = [*_support_marks(ground, surface), *_slot_names(feet)]
     slots = [foot.slot for _, foot in feet]
     every = np.concatenate([ground.plan_view(ground.supports), *slots])

@@ -29,9 +29,9 @@ class Layering:
     minor  ─┤ ├─── ┤ ├────     1
     rim    ═══════════════     2      edges, and below them kept regions, both below the stripes
                                4      plates, below all strips
-    families_below : families of `FAMILIES_BELOW` that have layers; a model has no layer for an absent family.
-    letters : largest heights of part names and of node names (m).
-    alike   : distance (m) within which outlines may become equal; 0 leaves all parts as they are."""
+    families_below : families of `FAMILIES_BELOW` that have layers.
+    letters        : largest heights of part names and of node names, metres.
+    alike          : distance within which outlines may become equal, metres; 0 leaves all parts as they are."""
 
     thickness: float
     count: int
@@ -121,9 +121,11 @@ def shortened_courses(
     joined: set[frozenset[str]],
     overhang: float,
 ) -> dict[str, StripCourse]:
-    """Return courses of one layer that stop before they run into another course. A course ends `overhang` metres
-    beyond its last node before the collision; without such a node, at the collision.
-    nodes : arc lengths of nodes on each course.    joined : pairs of members that are notched at a common node."""
+    """Return courses of one layer that stop before they run into another course.
+    A course ends `overhang` metres beyond its last node before the collision. Without such a node, it ends at the
+    collision.
+    nodes  : arc lengths of nodes on each course, metres.
+    joined : pairs of members that are notched at a common node."""
     open_courses = {name: course for name, course in courses.items() if not course.closed}
     ends = [_StripEnd.from_course(name, c, at_end) for name, c in open_courses.items() for at_end in (False, True)]
     accepted, stopped = list[_StripEnd](), dict[str, StripCourse]()

@@ -1,7 +1,7 @@
 """Flat parts with holes and openings, and the single-stroke letters that are engraved on them.
 
-A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. Ordinary fonts have
-outlines, and each stroke would be engraved as two lines."""
+A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. Each stroke is one line,
+unlike in ordinary fonts with outlines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -86,14 +86,16 @@ class Fold:
 @dataclass(frozen=True, eq=False)
 class FlatPart:
     """Part to cut, as seen from the side to which the surface normals point.
-    id      : "A07.2" for the second piece of member A07, "A07.c1" for the cover plate of its first splice.
-    member  : name of the member; "" for pieces of a sheet.
-    span    : arc lengths of the axis at both ends (m); (0, 0) without an axis.
-    outline : (k, 2) corners, counter-clockwise.    slots : (k, 2) closed cuts within the outline.
-    holes   : for bolts.    marks : (k, 2) lines to engrave.    folds : lines to fold.
-    layer   : height of the part's middle over the surface (m).    strain : largest strain when the part is built.
-    thickness : metres; 0 for the thickness of the plan.
-    axis    : (k, 2) middle line, which is not cut; (0, 2) without a middle line."""
+    id        : "A07.2" for the second piece of member A07, "A07.c1" for the cover plate of its first splice.
+    member    : name of the member; "" for pieces of a sheet.
+    span      : arc lengths of the axis at both ends, metres; (0, 0) without an axis.
+    outline   : (k, 2) corners, counter-clockwise, metres.
+    slots     : (k, 2) closed cuts within the outline, metres.
+    marks     : (k, 2) lines to engrave, metres.
+    layer     : height of the part's middle over the surface, metres.
+    strain    : largest strain when the part is built.
+    axis      : (k, 2) middle line, which is not cut, metres; (0, 2) without a middle line.
+    thickness : thickness of the part, metres; 0 for the thickness of the plan."""
 
     id: str
     member: str
@@ -136,8 +138,8 @@ class FlatPart:
 
     @cached_property
     def features(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Corners, hole middles, slot corners and fold middles, (k, 2) each, by which parts are compared. Fold
-        middles are scaled by the angle of the fold, so that a difference of a fifth of a degree is visible."""
+        """Corners, hole middles, slot corners and fold middles, (k, 2) each, by which parts are compared.
+        Fold middles are scaled by the angle of the fold, so that different angles are visible."""
         slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
         folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
         return self.outline, np.array([hole.at for hole in self.holes]).reshape(-1, 2), slots, folds
@@ -229,8 +231,9 @@ def _same_points(points_a: Floats, points_b: Floats) -> bool:
 
 def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[FlatPart]:
     """Return parts along x; each takes the shape of the first earlier part that is nearly equal, and keeps its names.
-    Parts may be rotated by 180 degrees, but not mirrored, because their engraved face lies outside.
-    distance : largest distance between two outlines (m).    fit : largest distance between matching holes (m)."""
+    distance : largest distance between two outlines, metres.
+    fit      : largest distance between matching holes, metres.
+    Parts may be rotated by 180 degrees, but not mirrored, because their engraved face lies outside."""
     first_parts = dict[tuple[int, float], list[FlatPart]]()
     result = list[FlatPart]()
     for part in parts:
@@ -256,7 +259,7 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
         return None
     if _outline_distance(turn * model.outline, part.outline + shift) > distance:
         return None
-    # the right edge comes first; after half a turn this is the former left edge
+    # the right edge comes first: after half a turn, the former left edge
     outline = model.outline if turn == 1 else -np.roll(model.outline, len(model.axis), axis=0)
     drilled = tuple(replace(hole, at=model_holes[k]) for hole, k in zip(part.holes, order, strict=True))
     marks = tuple(mark + shift for mark in part.marks)

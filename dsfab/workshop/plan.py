@@ -63,7 +63,8 @@ def construction_route(
     design: Design, graph: MemberGraph | None, layering: Layering | None, up: Floats = UP
 ) -> ConstructionRoute:
     """Return the route by which a design is built, from section [workshop] of its preset.
-    graph, layering : members and layers at built size; None for a flat sheet.    up : (3,) unit vector.
+    graph, layering : members and layers at built size; None for a flat sheet.
+    up : (3,) unit vector.
     Raises PatternError if the design cannot be built by the requested route."""
     options = design.preset.workshop
     if options.route == "sheet" or graph is None or layering is None:
@@ -201,22 +202,22 @@ JOINT_SENTENCES = {
     "face, from the engraved line to the edge, to the left and below on the back",
 }
 """Second half of the sentence on the pieces of a flat sheet, by their joint."""
-TAB_CLEARANCE = 1e-4  # clearance between a tab and its slot in the base plate of a model, on each side (m)
+TAB_CLEARANCE = 1e-4  # gap between a tab and its slot in a model's base plate, on each side (m)
 TABS_LENGTH = 4.0  # largest length that two tabs add to a strip, in strip thicknesses
 
 
 @dataclass(frozen=True, eq=False)
 class WorkshopPlan:
     """Parts of a design and the sheets from which they are cut.
-    route     : "strips", "planks", "bars", "panels" or "sheet".
-    thickness : thickness of the stock (m); a part may have a different thickness.
-    parts     : all parts.    sheets : nested sheets, each part on one of them.
+    route       : "strips", "planks", "bars", "panels" or "sheet".
+    thickness   : thickness of the stock, metres; a part may have a different thickness.
+    sheets      : nested sheets, each part on one of them.
     equal_parts : groups of part numbers; the parts of a group have equal shapes.
-    notes     : sentences for the builder on the route, the parts and the sheets.
-    graph     : members and nodes at built size; None for a flat sheet.
-    layering  : layers of strips; None for other routes.
-    model     : 50 for a model at 1:50; 0 for full size.
-    bars, planks : plans of these routes, which have no layers."""
+    notes       : sentences for the builder on the route, the parts and the sheets.
+    graph       : members and nodes at built size; None for a flat sheet.
+    layering    : layers of strips; None for other routes.
+    model       : 50 for a model at 1:50; 0 for full size.
+    bars, planks : plans of these two routes; None for other routes."""
 
     route: str
     thickness: float
@@ -313,13 +314,13 @@ def nested_by_thickness(parts: list[FlatPart], options: Workshop) -> tuple[list[
     return [sheet for sheets in nests for sheet in sheets], notes
 
 
-MOST_FACES = 250_000  # largest number of faces of a cut sheet refined for drilling; members of such a sheet take 15 s
+MOST_FACES = 250_000  # largest number of faces of a cut sheet refined for drilling
 
 
 def drilling_members(design: Design) -> tuple[MemberGraph, float]:
     """Return the members of a design on a mesh that is fine enough for drilling, and the edge of that mesh (m).
-    If the design's edges exceed `drilling_edge`, each triangle is divided into four, once or several times. The points
-    of the cut sheet move to the smooth surface. The pattern and the names of members stay."""
+    If the design's edges exceed `drilling_edge`, triangles are divided into four, and points move to the smooth
+    surface. The pattern and the names of members stay."""
 
     def members() -> tuple[MemberGraph, float]:
         graph, sheet, edge = design.members, design.sheet, design.surface.mean_edge
@@ -422,7 +423,7 @@ def _panel_design_parts(
     return parts, notes
 
 
-NEARLY_EQUAL = 5e-3  # distance of outlines (m) for the count of near-equal parts, if workshop.alike is 0
+NEARLY_EQUAL = 5e-3  # distance of outlines of near-equal parts, if workshop.alike is 0 (m)
 
 
 def _alike_notes(parts: list[FlatPart], alike: list[FlatPart], distance: float) -> list[str]:

@@ -53,7 +53,8 @@ def plate_parts(
     missed_nodes: Container[str] = (),
 ) -> list[FlatPart]:
     """Return members of a graph as plates at a height over the surface, with holes at their nodes (m).
-    normals : (n, 3) at the vertices of the graph's sheet.    bolt : diameter of holes (m).
+    normals      : (n, 3) normals at the vertices of the graph's sheet.
+    bolt         : diameter of the holes, metres.
     missed_nodes : names of nodes without a hole."""
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     return [_flat_plate(graph, member, normals, (height, bolt), missed_nodes) for member in members]
@@ -165,9 +166,10 @@ class SheetParts:
 
 
 def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJoint = SheetJoint()) -> SheetParts:
-    """Cut a flat sheet into as few rectangles as possible; each rectangle fits into one of `room` (m). Disconnected
-    pieces of a rectangle become separate parts; openings become slots. With fingers, all pieces together are the sheet;
-    with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with joints, are too long."""
+    """Cut a flat sheet into as few rectangles as possible; each rectangle fits into one of `room` (m).
+    Disconnected pieces of a rectangle become separate parts; openings become slots. With fingers, the pieces together
+    are the sheet; with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with joints,
+    are too long."""
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0

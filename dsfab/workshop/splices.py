@@ -11,8 +11,8 @@ from dsfab.core.messages import length
 from dsfab.workshop.development import Development
 from dsfab.workshop.parts import label, polygon_area
 
-SCARF_SLOPE = 8.0  # overlap of a scarf joint, in thicknesses; a bevel of 1 to 8 is usual for plywood and boards
-BEVEL_TEXTS = ("BEVEL", "BEVEL BACK")  # engraved texts for a bevel on the engraved face, and for a bevel on the back
+SCARF_SLOPE = 8.0  # overlap of a scarf joint, in thicknesses, as usual for plywood and boards
+BEVEL_TEXTS = ("BEVEL", "BEVEL BACK")  # engraved texts for a bevel on the engraved face, and on the back
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,8 @@ def box_fits(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]
 
 def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
     """Return whether the outline (k, 2) of a strip fits into one of the rectangles, along or across.
-    A strip that overlaps itself does not fit.
-    along : (2,) direction from the beginning of the strip's axis to its end, as in `FlatPart.along_x`. The direction
-            between the middles of its ends gave lengths 0.8 mm too short."""
+    along : (2,) direction from the beginning of the strip's axis to its end, as in `FlatPart.along_x`.
+    A strip that overlaps itself does not fit."""
     k = len(outline) // 2
     turns = np.unwrap(np.arctan2(*np.diff(outline[:k], axis=0).T[::-1]))
     return bool(np.ptp(turns) <= np.pi and polygon_area(outline) > 0) and box_fits(outline, along, room)
@@ -48,8 +47,9 @@ def splice_cuts(
     name: str = "the strip",
 ) -> Cuts:
     """Return the cuts of a strip between two arc lengths.
-    nodes : (q,) arc lengths from which cuts keep the distance `clear` (m) if possible.
-    fits  : function that tells whether a piece between two arc lengths fits on the stock.    name : for messages.
+    nodes : (q,) arc lengths from which cuts keep the distance `clear` if possible, metres.
+    clear : distance from cuts to nodes, and least length of a piece, metres.
+    fits  : function that returns whether a piece between two arc lengths fits on the stock.
     Raises PatternError if the longest piece that fits is shorter than `clear`."""
     begin, end = course
     cuts, near_nodes = [begin], 0

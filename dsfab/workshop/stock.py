@@ -62,16 +62,18 @@ def money(amount: float) -> str:
 
 
 NARROWING_SHARES = (0.95, 0.9)  # narrower strips of the trial nests, as fractions of the width, widest first
-LEAST_SAVING = 0.04  # smallest saving that is worth a hint, as a fraction of the sheets or of their area
+LEAST_SAVING = 0.04  # smallest saving for a hint, as a fraction of the sheets or of their area
 StockSizes = Sequence[tuple[float, float]]
 
 
 def sheet_hints(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool = False
 ) -> list[str]:
-    """Return sentences on narrower strips or larger stock that would need fewer sheets. Large plans have no hints,
-    because each number comes from a trial nest, which takes long.
-    stock : lengths and widths (m).    gap : metres.    grain : as for `nest_parts`."""
+    """Return sentences on narrower strips or larger stock that would need fewer sheets.
+    stock : lengths and widths of the sheets, metres.
+    gap   : distance between parts, metres.
+    grain : as for `nest_parts`.
+    Large plans have no hints, because each number needs a slow trial nest."""
     if len(parts) * len(sheets) > 20_000:
         return []
     return [*_narrower_hint(parts, sheets, stock, gap, grain), *_larger_hint(parts, sheets, stock, gap, grain)]

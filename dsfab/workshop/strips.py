@@ -17,7 +17,7 @@ from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import SCARF_SLOPE, Cuts, lap_marks, lapped_span, splice_cuts, strip_fits
 
 STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # kinds of members that are built as strips
-HOLE_EDGE_DISTANCE = 1.0  # least distance from the middle of a hole to the edges of its part, in bolt diameters
+HOLE_EDGE_DISTANCE = 1.0  # least distance from a hole's middle to the edges of its part, in bolt diameters
 LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters below this height (m) may fill this fraction of a part's width
 
 
@@ -34,10 +34,10 @@ class StripBolt:
 @dataclass
 class StripParts:
     """Flat parts of all strips: pieces, and cover plates of their splices.
-    missing_holes      : "N003 in A07": nodes without a hole in a part, because a hole would be too close to an edge.
-    splices_near_nodes : number of splices that are too close to a node.    splice_count : number of all splices.
+    missing_holes      : nodes without a hole in a part, "N003 in A07", because the hole would be too close to an edge.
+    splices_near_nodes : number of splices that are too close to a node.
     shortened          : names of members that stop before they run into a member of their layer.
-    vanished           : names of members whose length would be less than their width; they are not built.
+    vanished           : names of members that are not built, because they would be shorter than wide.
     missed_nodes       : (node, member) names where a shortened member does not reach its node.
     feet               : pairs of a part's name and its foot on the base plate of a model."""
 
@@ -69,9 +69,9 @@ def strip_parts(
     ground: BasePlane | None = None,
 ) -> StripParts:
     """Return the parts of all members that are strips.
-    room    : lengths and widths (m) that parts may have on the stock.
-    splice  : "cover" plates, a "scarf", or "none".
-    ground  : base plate for feet with tabs; without a base plate (None) the ends have no feet."""
+    room   : lengths and widths that parts may have on the stock, metres.
+    splice : "cover" plates, a "scarf", or "none".
+    ground : base plate for feet with tabs; None for ends without feet."""
     parts = StripParts()
     members = [member for member in graph.members if is_strip(member)]
     overhang, cover_length = END_DISTANCE * layering.bolt, 2 * layering.half_cover_length
@@ -249,20 +249,21 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
     return float(thickness * bend / 2)
 
 
-UNCERTAIN_WIDTHS = 1.5  # length at each end of a member in which the fitted curvature is uncertain, in widths
+UNCERTAIN_WIDTHS = 1.5  # length of a member's end with uncertain curvature, in widths
 HOLE_FIT = 5e-4
 """Largest error (m) of a length between holes. A hole may be a millimetre larger than its bolt [EN 1995-1-1, 10.4.3],
 and two parts meet at a bolt."""
-LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports; a smaller strain would appear as 0.000 %
+LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports
 
 
 @dataclass(frozen=True)
 class StripLimits:
     """Limits of all strips of a design for one layer thickness (m).
-    bending : largest bending strain, at `member`.
-    shape   : largest strain |K| w^2 / 12 that the Gauss curvature K of the surface causes in a strip of width w.
-    limit   : strain at the material's strength; 0 if the preset has none.
-    edge    : mean edge of the mesh (m).    wanted_edge : `drilling_edge` (m)."""
+    bending     : largest bending strain, at `member`.
+    shape       : largest strain |K| w^2 / 12 from the Gauss curvature K of the surface, in a strip of width w.
+    limit       : strain at the material's strength; 0 if the preset has none.
+    edge        : mean edge of the mesh, metres.
+    wanted_edge : `drilling_edge`, metres."""
 
     thickness: float
     bending: float
@@ -305,9 +306,8 @@ class StripLimits:
 
 
 def drilling_edge(graph: MemberGraph) -> float:
-    """Return the largest edge (m) of a mesh whose flat faces change the length of usual bays by at most `HOLE_FIT`;
-    infinite without bending. Edges e change a bay L with curvature k by at most about L (e k)^2 / 8. Bays of a dome
-    differed by 0.3 mm from a smooth surface (by the formula 0.3 mm), and of a tower by 17 mm (26 mm)."""
+    """Return the largest edge (m) of a mesh whose flat faces change the length of usual bays by at most `HOLE_FIT`.
+    The result is infinite without bending. Edges e change a bay L with curvature k by at most about L (e k)^2 / 8."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
     bend = float(np.quantile(np.concatenate(bends), 0.95)) if bends else 0.0  # ignores rare peaks
@@ -317,7 +317,9 @@ def drilling_edge(graph: MemberGraph) -> float:
 
 def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, edge: float) -> StripLimits:
     """Return the limits of all strips of a graph on the uncut surface of its pattern.
-    thickness, edge : of layers and of the mesh, metres.    limit : strain at the material's strength; 0 if unknown."""
+    thickness : thickness of the layers, metres.
+    limit     : strain at the material's strength; 0 if unknown.
+    edge      : edge of the mesh, metres."""
     strips = [member for member in graph.members if is_strip(member)]
     tree, K = cKDTree(surface.centroids), face_curvatures(surface)
     bends, shapes = [0.0], [0.0]

@@ -176,7 +176,7 @@ def test_a_part_of_an_edge_survives_another_mesh():
     assert held[:, 2].max() < 1e-9
     assert np.ptp(held[:, 0]) == pytest.approx(10)
     assert Boundary(points=((5.0, 0.0, 0.0),)).vertices(surface).sum() == len(surface.loops[0])
-    with pytest.raises(ValueError, match="one for a whole loop, three for a part"):
+    with pytest.raises(ValueError, match="one point for a whole loop, three points for a part"):
         Boundary(points=((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
 
 

@@ -11,9 +11,9 @@ RAGGED_TURN = float(np.radians(35))
 """Smallest change of direction at a vertex of a ragged border, in radians, measured in the surface. Finely divided
 borders have smaller changes."""
 LEAST_TURNS = 12
-"""A ragged border turns left and right alternately at least this many times. Fewer turns may be intended: a door has
-four corners, and an opening in a 5 m roof may have fifteen. Straightening this opening made a STEP file fail."""
-LARGEST_GAP = 3  # Largest number of edges between two turns of a ragged border; intended teeth are longer.
+"""A ragged border turns left and right alternately at least this many times. Fewer turns may be intended, such as
+the corners of an opening."""
+LARGEST_GAP = 3  # Largest number of edges between two turns of a ragged border.
 FLAT = float(np.radians(150))
 """Largest angle of a face on a straightened border, in radians. Faces with larger angles are removed."""
 
@@ -29,9 +29,9 @@ class EvenEdges:
 
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
-    """Return the mesh V (n, 3), F (m, 3) with straightened borders; unchanged if an edge has more than two faces. A
-    ragged border turns left and right alternately, at least `LEAST_TURNS` times, by more than `RAGGED_TURN`. At most
-    `LARGEST_GAP` edges lie between two turns. A border stays if a vertex would move by over a mean edge."""
+    """Return the mesh V (n, 3), F (m, 3) with straightened borders.
+    The mesh stays unchanged if an edge has more than two faces. A border stays if a vertex would move by more than a
+    mean edge. `LEAST_TURNS`, `RAGGED_TURN` and `LARGEST_GAP` define a ragged border."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -44,7 +44,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
             better = _smoothed_line(V[line], closed)
             moves = lengths(better - V[line])
             step = lengths(np.diff(V[line], axis=0)).mean()
-            # larger moves would destroy intended shapes, such as deep teeth or the points of a star
+            # larger moves would destroy intended shapes, such as deep teeth
             if moves.max() > min(step, 0.04 * largest):
                 continue
             changed = _with_line(V, F, line, better)
@@ -63,7 +63,7 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Return the indices (k,) of each ragged part of a closed border, and whether the part is the whole border.
+    """Return the indices (k,) of each ragged part of a closed border, with True if the part is the whole border.
     turn : (j,) change of direction at each vertex of the border, radians."""
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:
@@ -115,8 +115,9 @@ def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
 
 
 def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
-    """Return triangles (k - 2, 3) that fill the outline P (k, 3) with the least area, as corners of P; or None.
-    joined : (k, k) pairs of points that already have an edge in the mesh, which a triangle must not create again.
+    """Return triangles (k - 2, 3), corners of P, that fill the outline P (k, 3) with the least area; None if
+    impossible.
+    joined : (k, k) marks of pairs of points that already have an edge in the mesh. No triangle adds such an edge.
     The corners of each triangle follow the direction of the outline."""
     k = len(P)
     if k == 3:

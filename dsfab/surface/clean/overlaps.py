@@ -26,8 +26,8 @@ from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_compo
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Return which pairs (p,) of coincident vertices, (p, 2), lie where two sheets of faces F (m, 3) cross. Both
-    vertices of such a pair are inside their sheets. At an end of the crossing line, both may be on borders."""
+    """Return which pairs (p,) of coincident vertices (p, 2) lie where two sheets of faces F (m, 3) cross.
+    The vertices of such a pair are inside their sheets. Only at an end of the crossing line, they may be on borders."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -43,8 +43,8 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Return the vertices (n,) of faces that coincide after each vertex k is replaced by `became[k]`, (n,). Two copies
-    of a quad also coincide if they are cut into triangles by different diagonals."""
+    """Return the vertices (n,) of faces that coincide after each vertex k is replaced by `became[k]`, (n,).
+    Two copies of a quad also coincide if different diagonals cut them into triangles."""
     faces = became[F]
     _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
@@ -79,7 +79,7 @@ SAMPLES = np.array(
     + [[0.48, 0.43, 0.09], [0.1, 0.47, 0.43], [0.44, 0.08, 0.48]]
 )
 """Barycentric weights (7, 3) of samples in a face: near its middle, its corners 0 to 2, and its sides 0-1, 1-2 and 2-0.
-The weights are uneven, so that no sample lies on an edge that halves or quarters a square."""
+With these uneven weights, no sample lies on an edge that halves or quarters a square."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +93,11 @@ class OverlappingFaces:
 def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
     """Return the faces of the mesh V (n, 3), F (m, 3) that lie on other faces in the same plane.
 
-    Two planes count as one within `WELD` times the mesh's largest dimension. Two copies of a quad that are cut by
-    different diagonals also overlap if the quad is flat within `SAG`. The faces that remain are joined along edges, so
-    that they form one sheet. An overlap counts if it contains one of the seven `SAMPLES` of a face. Method: rays along
-    the normals, with a tree of boxes [Jacobson et al. 2018, libigl]."""
+    Planes closer than `WELD` times the mesh's largest dimension count as one plane. Two copies of a quad also overlap
+    if different diagonals cut them and the quad is flat within `SAG`. An overlap counts if it contains one of the
+    seven `SAMPLES` of a face. The remaining faces form one sheet, joined along edges.
+
+    Method: rays along the normals, with a tree of boxes [Jacobson et al. 2018, libigl]."""
     edges = edge_table(F)
     rim, side = np.nonzero(edges.boundary[edges.of])
     m, (low, high) = len(F), bounding_box(V, F)
@@ -122,12 +123,13 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
     """Return rows (k, 3): a face, one of its samples, and another face in the same plane that covers the sample.
-    tree : bounding boxes of F (m, 3), with V (n, 3) of size 1.    faces, samples : (r,) faces, rows of `SAMPLES`."""
+    tree : bounding boxes of F (m, 3), with V (n, 3) scaled to size 1.
+    faces, samples : (r,) faces, and for each of them a row of `SAMPLES`."""
     P = V[F]
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
     starts = np.einsum("kc,kci->ki", SAMPLES[samples], P[faces]) - reach[:, None] * normal[faces]
-    # libigl misses faces whose area times the ray's length is below 5e-7, so the rays are very long
+    # long rays: libigl misses faces whose area times the ray's length is below 5e-7
     rays = tree.intersect_ray(V, F, starts, normal[faces] / WELD**2)
     # every ray hits the face from which it starts
     hits = np.array([(k, *hit[:2]) for k, ray in enumerate(rays) if len(ray) > 1 for hit in ray]).reshape(-1, 3)
@@ -160,8 +162,8 @@ def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
 
 
 def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
-    """Select faces (m,) that do not cover each other: faces without overlap, then neighbours among overlapping faces.
-    Faces with shorter edges come first, so that the order of the faces does not matter."""
+    """Select faces (m,) that do not cover each other: faces without overlap, then their neighbours.
+    Faces with shorter edges come first, so that the result does not depend on the order of the faces."""
     overlaps, chosen = dict[int, set[int]](), list[int]()
     for face, cover in np.stack(np.divmod(distinct(covers[:, 0] * len(F) + covers[:, 2]), len(F)), axis=1).tolist():
         overlaps.setdefault(face, set()).add(cover)
@@ -186,8 +188,8 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Return which of the faces (k,) must stay. A face must stay if its removal would open an edge of a remaining face
-    that does not cover it. Faces with a common edge stay or go together."""
+    """Return which of the faces (k,) must stay: their removal would open an edge of a remaining face beside them.
+    Faces with a common edge stay or go together."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
     remaining[edges.of[remaining_faces]] = remaining_faces[:, None]
@@ -207,10 +209,10 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
     return np.asarray(covered_samples == len(SAMPLES))
 
 
-COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of the sheet's area.
-PARALLEL_GAP = 0.08  # Largest distance of parallel sheets or slab faces, divided by the square root of their area.
-LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of a slab's two faces, or of two parallel sheets; at most 1.
-IGNORED_SHARE = 0.1  # The smallest and the largest distances, each on this fraction of the area, are ignored.
+COPY_GAP = 1 / 500  # Largest distance of two copies of a sheet, divided by the square root of its area.
+PARALLEL_GAP = 0.08  # Largest distance of two parallel sheets, divided by the square root of their area.
+LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of two parallel sheets, smaller to larger.
+IGNORED_SHARE = 0.1  # Ignored fraction of the area with the smallest distances, and of that with the largest.
 
 _REMARKS = {
     "copy": "the surface has a second sheet {} from the first, probably a copy; delete one of them, or set "
@@ -229,8 +231,7 @@ _REPAIRS = {
 @dataclass(frozen=True, eq=False)
 class ParallelParts:
     """Two parallel parts of a mesh.
-    keep  : (k,) faces of the part that stays: of a slab the smaller part, because the larger may include narrow sides;
-            else the first part in the file.
+    keep  : (k,) faces of the part that stays: the smaller part of a slab, else the first part in the file.
     other : (l,) faces of the other part.
     gap   : median distance between the parts, in the mesh's unit.
     kind  : "copy", two copies of a sheet at one place; "slab", the two faces of a solid; "apart", two separate sheets.
@@ -291,15 +292,14 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if gap is not None:
             if len(translation):
                 to = V[F[first_part]].mean(axis=1) + translation
-                # drop faces of the slab's sides: after the translation they are far from the second part
+                # drop faces of the slab's sides, which are now far from the second part
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]
             yield ParallelParts(first_part, second_part, gap, "slab", piece_faces, translation)
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if none does. The
-    length of the translation is not the slab's thickness, because an extruded slab is thinner where it is steep. Each
-    round of the method removes the remaining distance along the normals [Chen and Medioni 1992]."""
+    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if none does.
+    Each round removes the remaining distance along the normals [Chen and Medioni 1992]."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -350,13 +350,13 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance between two parts, faces (k, 3) and (l, 3); None if they are not parallel.
+    """Return the median distance between two parts, faces (k, 3) and (l, 3); None if the parts are not parallel.
     even : true to accept only a nearly constant distance."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, largest = weighted_quantiles(gaps, area, (IGNORED_SHARE, 0.5, 1 - IGNORED_SHARE))
-    uneven = 2.5  # largest ratio of distances in a slab; a cushion, whose sheets meet at the border, has a larger ratio
+    uneven = 2.5  # largest ratio of distances in a slab; a cushion has a larger ratio
     if largest > PARALLEL_GAP * side or (even and not (largest <= uneven * middle and middle <= uneven * least)):
         return None
     return None if middle <= COPY_GAP * side < largest else float(middle)
@@ -372,8 +372,8 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 
 def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
-    """Yield sentences on overlapping faces of a mesh V (n, 3), F (m, 3), without the faces `reported` (k,). The
-    vertices are first merged as in the repair of the mesh."""
+    """Yield sentences on overlapping faces of a mesh V (n, 3), F (m, 3), except the faces `reported` (k,).
+    The vertices are first merged as in the repair of the mesh."""
     sound = np.flatnonzero(in_reach(V)[F].all(axis=1))
     used, near = np.unique(F[sound], return_inverse=True)
     V, became = merged_vertices(V[used], WELD, partial(crossing_pairs, near.reshape(-1, 3)))
@@ -394,7 +394,7 @@ def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
 
 def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tuple[str, ...]]:
     """Return the mesh V (n, 3), F (m, 3) with one sheet in place of copies and slabs, and a short text for each repair.
-    The first of two copies stays. Of a slab, one face stays and moves halfway to the other face.
+    The first of two copies stays. One face of a slab stays and moves halfway to the slab's other face.
     metres : length of the mesh's unit in metres, for the texts."""
     doubled = [pair for pair in parallel_parts(V, F) if pair.kind != "apart"]
     stays: Bools = np.ones(len(F), dtype=bool)

@@ -33,7 +33,7 @@ from dsfab.surface.topology import (
 )
 
 CRUMB = 0.01  # The repair removes loose pieces smaller than this fraction of the mesh's area.
-PINHOLE = 1e-3  # The repair closes a hole whose outline is shorter than this fraction of the mesh's largest dimension.
+PINHOLE = 1e-3  # Longest outline of a closed hole, as a fraction of the mesh's largest dimension.
 _NO_AREA = "without area"
 _DOUBT = " (a large part of the mesh: check that all parts are in one unit)"
 _ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far away as the rest of the mesh"
@@ -61,13 +61,15 @@ class MendedMesh:
 def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     """Return the mesh V (n, 3), F (m, 3), in any unit, without small faults that no designer intends.
 
-    metres : length of that unit in metres, for the texts of the repairs.
+    metres : length of the mesh's unit in metres, for the texts of the repairs.
 
-    Vertices closer than `WELD` times the mesh's largest dimension become one vertex, except where sheets cross.
-    Pinholes are closed if their outline is shorter than `PINHOLE` times this dimension. The repair removes faces
-    without area, repeated faces, all but two faces on an edge, and pieces below `CRUMB` times the area. It stitches
-    seams between patches with different divisions, and joins parts that touch in a point (`seams`). It drops copies of
-    sheets, and reduces a slab to its middle surface (`overlaps`). It straightens ragged borders (`borders`)."""
+    1. Vertices closer than `WELD` times the mesh's largest dimension become one vertex, except where sheets cross.
+    2. Faces without area and repeated faces are removed.
+    3. Copies of sheets are removed, and a slab is reduced to its middle surface (`overlaps`).
+    4. Faces beyond two on an edge are removed, and seams between patches are stitched (`seams`).
+    5. Pieces smaller than `CRUMB` times the mesh's area are removed, and parts that touch in a point are joined.
+    6. Holes are closed if their outline is shorter than `PINHOLE` times the mesh's largest dimension.
+    7. Ragged borders are straightened (`borders`)."""
     mesh = single_sheet(sound_faces(V, F), metres)
     mesh = stitched_mesh(_without(mesh, _on_edges_of_two, "on edges that already have two faces (a rib?)"))
     mesh = _without(mesh, _in_large_pieces, "in tiny loose pieces")
@@ -76,8 +78,9 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces. Unusable faces
-    have no area, repeat another face, or have a corner that is not finite or is far from all other vertices."""
+    """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces.
+    An unusable face has no area, repeats another face, or has an unusable corner. Such a corner is not finite or is
+    far from all other vertices."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are not numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
@@ -131,8 +134,8 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Return one face of each set of overlapping faces, and all other faces, (k,). Both copies of a face are removed if
-    two other faces meet at one of its edges. The sewn corners of a cushion have such copies."""
+    """Return one face of each set of overlapping faces, and all other faces, (k,).
+    No copy of a face remains if two other faces meet at one of its edges, as at the sewn corners of a cushion."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -181,18 +184,17 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
-HOLE = 0.15  # The repair fills a hole whose outline is shorter than this fraction of the mesh's largest dimension.
-SPECK = 0.05  # The repair of a scan removes pieces smaller than this fraction of the largest piece's area.
+HOLE = 0.15  # Longest outline of a filled hole in a scan, as a fraction of the mesh's largest dimension.
+SPECK = 0.05  # Largest area of a removed piece of a scan, as a fraction of the largest piece's area.
 FINE, SEVERAL = 0.01, 3
-"""A mesh is a scan if its mean edge is below `FINE` times its largest dimension, and it has faults. The faults are
-`SEVERAL` small holes, or `SEVERAL` edges with more than two faces."""
+"""A mesh is a scan if its mean edge is below `FINE` times its largest dimension, and it has faults.
+The faults are `SEVERAL` small holes, or `SEVERAL` edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""A mesh is also a scan if its mean edge is below `NOISY` times its largest dimension, and more than the fraction
-`FOLDED` of its faces is folded. Meshes of designs had up to 0.02 % folded faces; a mesh with 2 mm noise on 70 mm edges
-had 0.3 %."""
+"""A mesh is also a scan if its mean edge is below `NOISY` times its largest dimension, and enough faces are folded.
+`FOLDED` is the least fraction of folded faces. Meshes of designs had at most 0.0002; a noisy mesh had 0.003."""
 TILTED, LOW = 0.7, 0.5
-"""Noise has tilted a face if the cosine of the angle to the normals around it is below `TILTED` (45 degrees).
-The height of such a face must also be below `LOW` mean edges, because real bends tilt higher faces, too."""
+"""Noise has tilted a face if the cosine of its angle to the normals around it is below `TILTED` (45 degrees).
+The height of the face must also be below `LOW` mean edges, because real bends tilt higher faces."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
@@ -219,11 +221,12 @@ def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
     metres : length of V's unit in metres, for the texts.
 
-    This function repairs more than `mended_mesh`. At an edge with three or more faces, the two faces that continue each
-    other most smoothly stay joined. All further faces get separate vertices there. Parts that touch in a point are
-    separated. Faces get a common orientation. Pieces smaller than `SPECK` times the largest piece's area are removed.
-    Holes are filled if their outline is shorter than `HOLE` times the mesh's largest dimension. Folds from noise are
-    flattened by collapsing the shortest edges of folded faces."""
+    1. At an edge with three or more faces, the two faces with the smoothest transition stay joined.
+       The other faces at this edge get separate vertices.
+    2. Parts that touch in a point are separated, and faces get a common orientation.
+    3. Pieces smaller than `SPECK` times the largest piece's area are removed.
+    4. Holes are filled if their outline is shorter than `HOLE` times the mesh's largest dimension.
+    5. Folds from noise are flattened by collapsing the shortest edges of folded faces."""
     mesh = single_sheet(sound_faces(V, F), metres)
     for step in (stitched_mesh, _split_junctions, _orient_faces, _without_specks, _fill_holes, _flatten_folds):
         mesh = step(mesh) if len(mesh.F) else mesh
@@ -335,8 +338,7 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
     """Collapse the shortest edges of crumpled faces (m,). Return the vertices (n, 3), and for each its new index (n,).
-    An edge collapses to its midpoint, or to its end on the boundary, unless this joins boundaries or changes topology.
-    """
+    An edge collapses to its midpoint, or to its end on the boundary. The topology does not change."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

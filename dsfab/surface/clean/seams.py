@@ -20,7 +20,7 @@ from dsfab.core.arrays import (
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
 WELD = 5e-5  # Vertices closer than this fraction of the mesh's largest dimension become one vertex.
-ASTRAY_RATIO = 1000.0  # A vertex is astray if it is this many times as far from the middle as 99 % of all vertices.
+ASTRAY_RATIO = 1000.0  # Distance of an astray vertex from the middle, divided by the distance of 99 % of the vertices.
 
 
 def in_reach(V: Floats) -> Bools:
@@ -38,10 +38,10 @@ def in_reach(V: Floats) -> Bools:
 def merged_vertices(
     V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None
 ) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) at one place. Return the remaining vertices, and each old vertex's index (n,) there.
+    """Merge vertices V (n, 3) at one place. Return the remaining vertices, and each old vertex's index (n,) in them.
 
-    within : largest distance between merged vertices, divided by the mesh's largest dimension; no vertex moves farther.
-             The default suits `trimesh.slice_plane`, which gives a vertex slightly different coordinates in each face.
+    within : largest distance between merged vertices, divided by the mesh's largest dimension. The default removes the
+             rounding errors of `trimesh.slice_plane`.
     apart  : function that marks (p,) which pairs of vertices (p, 2) must stay separate.
 
     For mesh files `equal_merged` suffices, because files repeat a place with equal digits."""
@@ -62,8 +62,8 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the new vertex (n,) of each vertex: the first vertex of its group if within `reach`, else the vertex
-    itself. A group may be a long chain of vertices. Without this limit, a fine outline would shrink to a point."""
+    """Return the new vertex (n,) of each vertex: the first of its group if within `reach`, else the vertex itself.
+    Without this limit, a long chain of near vertices would shrink to a point."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -88,16 +88,16 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest ratio of a seam's width to the length of the edge beside it, for a seam between two patches with common ends.
-The rise of a 30 degree arc is this fraction of its chord. Seams narrower than `within` need no common ends."""
+"""Largest ratio of a seam's width to the length of the edge beside it, if the two patches have common ends.
+The ratio is the rise of a 30 degree arc divided by its chord."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
     """Stitch open seams of faces F (m, 3): divide the faces along a seam into fans.
     Return the faces and the number of joined vertices. The faces stay unchanged if an edge would get a third face.
-    within : largest distance between an edge and a vertex on the edge, in the unit of V."""
+    within : largest distance between an edge and a vertex on it, in V's unit."""
     faces, joined = F, 0
-    for _ in range(4):  # a face has up to three edges at a seam, and each round stitches one of them
+    for _ in range(4):  # each round stitches at most one edge of a face
         half, vertex = _open_seams(V, faces, edge_table(faces), within)
         if not len(half):
             break
@@ -130,7 +130,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return pairs of a boundary edge (k,), as index into `ends` (b, 2), and a boundary vertex (k,) beside the edge.
-    Their distance is below `SAG` times the edge's length. If all boundaries are closed loops, the limit is `within`."""
+    Largest distance: `within`, or `SAG` times the edge's length unless all boundaries are closed loops."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -138,7 +138,7 @@ def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     tree, edge, start, size = cKDTree(V[border]), np.arange(len(ends)), np.zeros(len(ends)), 1.0
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     while len(edge):
-        # divide long edges near many vertices in four; halving would take 1.2 times as long
+        # divide long edges near many vertices in four
         middle = a[edge] + (start + size / 2)[:, None] * (b - a)[edge]
         radius = size / 2 * long[edge] + reach[edge]
         crowded, k, border_index = _few_within(tree, middle, radius)
@@ -155,8 +155,8 @@ def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
-    """Return which balls (b,) around places (b, 3) contain more than `crowd` points of a tree. For all other balls,
-    return also the pairs of a ball (k,) and a point in it (k,)."""
+    """Return which balls (b,) around places (b, 3) contain more than `crowd` points of a tree.
+    Return also the pairs of a ball (k,) and a point in it (k,) for all other balls."""
     # the search excludes points exactly at its bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
@@ -177,8 +177,8 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """Return whether (k,) a boundary edge and a vertex are on the two sides of one seam. The sides are two chains of
-    boundary edges (b, 2) with the same ends. Chains end where a vertex has more than two boundary edges."""
+    """Return whether (k,) a boundary edge and a vertex are on the two sides of one seam.
+    The sides are two chains of boundary edges (b, 2) with the same ends."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -196,8 +196,8 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """Return the faces (m', 3) with vertices (k,) inserted on half-edges (k,), as fans around the opposite corners. A
-    face may have vertices on one half-edge only. The first triangle of a fan replaces the face; the rest comes last."""
+    """Insert vertices (k,) on half-edges (k,), and return the faces (m', 3), as fans around the opposite corners.
+    At most one half-edge of a face may have vertices. The first triangle of a fan replaces the face."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -217,8 +217,8 @@ def faces_with_area(V: Floats, F: Ints) -> Ints:
 
 
 def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
-    """Join parts of V (n, 3), F (m, 3) that touch in a vertex, by a new face in the narrowest gap at the vertex. Return
-    the faces and the number of new faces. The faces stay unchanged if an edge would get more than two faces."""
+    """Join parts of V (n, 3), F (m, 3) that touch in a vertex, by a new face in the narrowest gap at the vertex.
+    Return the faces and the number of new faces. The faces stay unchanged if an edge would get more than two faces."""
     edges = edge_table(F)
     points = pinches(F, edges, len(V))
     if not len(points):
@@ -238,8 +238,9 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """Return a triangle that joins boundary edges of two fans at a vertex, in the smallest angle, if below 150 degrees.
-    away : (k,) second ends of the boundary edges.    fan : (k,) the fan of each edge."""
+    """Return a triangle between boundary edges of two fans at a vertex, in the smallest angle; None from 150 degrees.
+    away : (k,) second ends of the boundary edges.
+    fan  : (k,) fan of each boundary edge."""
     along = V[away] - V[v]
     along /= lengths(along)[:, None]
     if not len(away):  # closed parts have no boundary edges

@@ -44,7 +44,7 @@ FLAT = ("SOLID", "TRACE", "IMAGE", "UNDERLAY", "WIPEOUT", "ACAD_PROXY_ENTITY", "
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
     """Return the curves of a DXF file, text or binary, with blocks expanded, its layers and its unit.
-    Raises MalformedFileError for a file that is incomplete or not DXF, SurfaceError beyond the budget."""
+    Raises MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats, bool]](), list[tuple[str, Floats, bool]](), 0
     drawing = _Entities(document, budget, hidden_layers=True)
@@ -60,9 +60,9 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
-    """Return the meshes of a DXF file (3DFACE, MESH, polyface and polygon meshes), with blocks expanded. Vertices at
-    exactly the same place become one vertex. Raises SurfaceError for a file without meshes or beyond the budget,
-    MalformedFileError as `read_dxf` does."""
+    """Return the meshes of a DXF file (3DFACE, MESH, polyface and polygon meshes), with blocks expanded.
+    Vertices at exactly the same place become one vertex. Raises SurfaceError for a file without meshes or beyond the
+    budget, MalformedFileError for an incomplete or foreign file."""
     document = _document(path)
     V, corners, sizes, count = list[Floats](), list[Ints](), list[Ints](), 0
     drawing = _Entities(document, DrawingBudget(entities=budget.triangles, seconds=budget.seconds))
@@ -144,9 +144,10 @@ def _polygons(entity: Any) -> Iterator[Polygons]:
 
 
 class _Entities:
-    """Iterator over the visible entities of a drawing, with a limit, because nested blocks may repeat them often.
-    hidden : lower-case names of layers that are off or frozen.    hidden_layers : true to include these layers.
-    counts : number of block insertions and hidden objects."""
+    """Iterator over the visible entities of a drawing, with a limit on their number.
+    hidden        : lower-case names of layers that are off or frozen.
+    hidden_layers : true to include the hidden layers.
+    counts        : number of block insertions and hidden objects."""
 
     def __init__(self, document: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.budget, self.count, self.counts = budget, 0, Counter[Content]()
@@ -157,7 +158,7 @@ class _Entities:
     def leaves(
         self, entities: Any, depth: int, outer: str = "0", mirrored: bool = False, hidden: bool = False
     ) -> Iterator[tuple[Any, str, bool, bool]]:
-        """Yield each visible entity with its layer, whether its block is mirrored, and whether it is on a hidden layer.
+        """Yield each visible entity, its layer, True if its block is mirrored, and True if it is on a hidden layer.
         Layer 0 in a block means the layer `outer` of the block's insertion."""
         if depth > self.budget.depth:
             raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
@@ -221,14 +222,14 @@ def _path_points(part: Any, closed: bool) -> Floats:
 
 def _spline_points(spline: Any) -> Floats:
     """Return the points (k, 3) of a spline between its first and last effective knot.
-    Paths of ezdxf extend beyond these knots if the end knots are not repeated, as in closed splines."""
+    Paths of ezdxf extend beyond these knots in closed splines."""
     tool = spline.construction_tool()
     knots = np.array(tool.knots())
     spans = np.unique(knots[tool.degree : len(knots) - tool.degree])
     return curve_points(spans, lambda t: np.array([[*point] for point in tool.points(t)]))
 
 
-SAME_PLACE = 1e-6  # Two ends of curves meet if they are closer than this fraction of the drawing's size.
+SAME_PLACE = 1e-6  # Largest distance of two ends of curves that meet, as a fraction of the drawing's size.
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,8 +264,8 @@ _READERS = {".dxf": read_dxf, ".3dm": read_rhino_in_process}
 
 
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
-    """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers; touching lines and arcs
-    form one curve.
+    """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers.
+    Touching lines and arcs form one curve.
 
     unit : unit of the file's numbers; by default the unit that the file declares.
 
@@ -280,8 +281,9 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
-    """Return the visible content of the layers named in `words`, in any case, without empty layers.
-    metres : length of the file's unit in metres. Raises SurfaceError for unreadable files, as `closed_curves` does."""
+    """Return the visible content of the layers named in `words`, without empty layers. Case is ignored.
+    metres : length of the file's unit in metres.
+    Raises SurfaceError for unreadable files."""
     path = Path(path)
     drawing = _drawing(path, path.stat().st_size, DrawingBudget())
     marks = {}
@@ -330,7 +332,7 @@ def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Fl
     """Join runs with common ends; yield closed curves without a repeated point. Raises SurfaceError for open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
-    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # points 2 k and 2 k + 1 are the ends of run k
+    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # run k ends at points 2 k and 2 k + 1
     free = np.ones(len(runs), dtype=bool)
     for start in range(len(runs)):
         if not free[start]:

@@ -78,7 +78,7 @@ class Buffers:
 
 def accessor(tree: dict[str, Any], buffers: Buffers, number: Any, width: int) -> NDArray[Any]:
     """Return the numbers (count, width) of an accessor, glTF's table of numbers; normalised integers become fractions.
-    Raises MalformedFileError for a different width or missing bytes, before it allocates memory."""
+    Raises MalformedFileError for a different width or missing bytes."""
     entry = tree["accessors"][_count(number)]
     count, kind = _count(entry["count"]), _TYPES.get(entry["componentType"])
     if kind is None or _WIDTHS.get(entry["type"]) != width:

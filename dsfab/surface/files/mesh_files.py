@@ -26,10 +26,10 @@ OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow 
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Join the faces of a mesh at coincident vertices if only the format of the file separates the faces; return the
-    file and a text about the repair. Faces are joined if no two of them share a vertex, as in STL files, or if each
-    free edge coincides with another free edge. Otherwise coincident vertices stay apart: they may be an intended joint.
-    No edge gets more than two faces."""
+    """Join the faces of a mesh at coincident vertices if only the file's format separates the faces.
+    Return the file and a text about the repair. Faces are joined in two cases: no two faces share a vertex, as in STL
+    files, or each free edge coincides with another free edge. Other coincident vertices may be an intended joint and
+    stay apart. No edge gets more than two faces."""
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
     if not len(corners) or corners.min() < 0 or corners.max() >= len(V):
@@ -85,9 +85,9 @@ def _free_edges(mesh: Polygons, corners: Ints) -> Bools:
 class RawMesh:
     """Vertices V (n, 3) in the file's own numbers, faces F (m, 3), and the file's declarations.
     polygons : number of faces in the file, before dsfab cut them into triangles.
-    unit     : the unit that the file declares, or None.
+    unit     : unit that the file declares, or None.
     record   : texts about reading and repairs so far.
-    up       : the default up axis of the program that wrote the file, "y" or "z"; None if unknown."""
+    up       : default up axis of the program that wrote the file, "y" or "z"; None if unknown."""
 
     V: Floats
     F: Ints
@@ -109,15 +109,13 @@ CAD_SUFFIXES = (*(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"), *(".
 def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: str | None = None) -> RawMesh:
     """Read a file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP format, according to the suffix.
 
-    glTF's y axis (up, by its specification) becomes z. dsfab cuts quads along a fold, or along the shorter diagonal.
-    STL and glTF vertices at exactly the same place become one vertex. So do vertices of further formats if no faces
-    share a vertex. Unused vertices are removed.
-
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
-    unit : the user's unit, which replaces a unit of the file that dsfab does not know.
+    unit           : unit that replaces a unit of the file if dsfab does not know it.
 
-    Raises SurfaceError for a path that is not a readable mesh file, and for a file beyond the limits. Also raises it if
-    the unit in the file is unknown and `unit` is not set."""
+    The y axis of glTF files becomes z. Polygons are cut into triangles. STL and glTF vertices at exactly the same
+    place become one vertex. For other formats, see `with_shared_vertices`. Unused vertices are removed.
+
+    Raises SurfaceError for an unreadable file, a file beyond the limits, and an unknown unit if `unit` is not set."""
     path = Path(path)
     suffix = _suffix(path)
     budget = Budget(most_triangles)

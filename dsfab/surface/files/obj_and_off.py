@@ -38,15 +38,16 @@ LINES_PER_CHECK = 1 << 14  # Number of lines between two checks of the counts of
 
 
 def read_obj(data: bytes, budget: Budget) -> PolygonFile:
-    """Return the vertices and faces of an OBJ file, without textures, normals and groups; lines, points and free forms
-    are counted. Raises MalformedFileError with the number of a bad line, SurfaceError beyond the budget."""
+    """Return the vertices and faces of an OBJ file. Textures, normals and groups are ignored.
+    Lines, points and free forms are only counted. Raises MalformedFileError with the number of a bad line,
+    SurfaceError beyond the budget."""
     file = text_file(data)
     comments = declarations_in_comments(file.text, ("#",))
     if "\\\n" in file.text:
         file = TextFile(_join_lines(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
     ignored: Counter[str] = Counter()
-    groups, group = set[str](), ""  # names of groups with faces; name of the present group while it has no face
+    groups, group = set[str](), ""  # names of groups with faces; name of the present group without faces
     odd, last_words = "", [""]
     for number, line in file.numbered_lines(budget):
         words = line.split() if "#" not in line else line[: line.index("#")].split()
@@ -87,8 +88,8 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
-    """Return whether a file's last face may be incomplete: its last corner is, or it has fewer corners than `largest`.
-    count : number of vertices.    text : text of the file."""
+    """Return True if a file's last face may be incomplete: few corners, or an incomplete last corner.
+    largest : number of corners of the file's largest face.    count : number of vertices."""
     *other_corners, last_corner = (word.split("/") for word in face or [""])
     if len(face) < max(largest, 3) or len(last_corner) < len(other_corners[0]):
         return True
@@ -98,9 +99,8 @@ def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
 
 
 def _join_lines(text: str) -> str:
-    """Join each line that ends with a backslash with the next line. Comments are not joined, because they may contain a
-    path that ends with a backslash. Raises MalformedFileError without a space at the backslash: programs disagree
-    whether a number continues on the next line."""
+    """Join each line that ends with a backslash with the next line, except comments.
+    Raises MalformedFileError if no space is beside the backslash, because programs read such lines differently."""
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     """Return a surface from vertices V (n, 3), in `unit`, and polygons F: (m, 3), (m, 4), or lists of any length.
-    dsfab cuts polygons into triangles and orients faces as in `dsfab.read_surface`. Vertices keep their numbers, so
-    coincident vertices stay apart. Raises SurfaceError for invalid meshes, and as `read_surface` does."""
+    dsfab cuts polygons into triangles and orients faces as in `dsfab.read_surface`. Coincident vertices stay apart,
+    and vertices keep their numbers. Raises SurfaceError for meshes that `read_surface` also refuses."""
     mesh = _polygons(V, F)
     return oriented_surface(mesh.V * metres_per(unit), triangles(mesh).F)
 
@@ -52,9 +52,9 @@ def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
 
 def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     """Convert a mesh of trimesh, pyvista, compas, meshio, or any mesh with vertices and faces, to a surface.
-    unit : unit of the coordinates; by default the unit that the mesh declares (possible in trimesh), else metres.
-    Vertices at the same place become one vertex, as in STL and GLB files. A `Surface` is returned unchanged. Raises
-    SurfaceError for any other type, and as `surface_from` does."""
+    unit : unit of the coordinates; by default the unit of a trimesh mesh, else metres.
+    Vertices at the same place become one vertex. A `Surface` is returned unchanged.
+    Raises SurfaceError for any other type and for an unusable mesh."""
     if isinstance(mesh, Surface):
         return mesh
     own_unit = getattr(mesh, "units", None)

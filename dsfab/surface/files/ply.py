@@ -52,7 +52,7 @@ class PlyElement:
         return MalformedFileError(f"it announces {self.count:,} records of {self.name!r}, but ends before the last one")
 
 
-Columns = dict[str, Any]  # An array (count,) per property; for lists, all their values (c,), and the lengths (count,).
+Columns = dict[str, Any]  # Per property: values (count,), or all values (c,) of lists and their lengths (count,).
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
@@ -83,7 +83,7 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of an element with records from index `position` of the numbers (c,), and the end index.
+    """Return the properties of an element and its end index in the numbers (c,). Its records begin at index `position`.
     Raises MalformedFileError for a file that ends too early, or has a word in place of a number."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
@@ -142,7 +142,7 @@ def _text_walk(numbers: Floats, position: int, element: PlyElement, budget: Budg
 
 def binary_element(body: bytes, position: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
     """Return the properties of a binary element from byte `position`, and the end of the element.
-    order : '<' little endian, '>' big endian. Lists of equal lengths are read faster."""
+    order : '<' little endian, '>' big endian."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * sum(np.dtype(p.length or p.type).itemsize for p in element.properties) > len(body) - position:
@@ -234,9 +234,8 @@ _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 
 def read_ply(data: bytes, budget: Budget) -> PolygonFile:
-    """Return vertices and faces of a PLY file; the reader ignores colours, normals and all further elements.
-    Raises MalformedFileError for a foreign or incomplete file or a missing property. Raises SurfaceError beyond the
-    budget, before it allocates memory for the records."""
+    """Return vertices and faces of a PLY file. Colours, normals and other elements are ignored.
+    Raises MalformedFileError for a foreign or incomplete file or a missing property, SurfaceError beyond the budget."""
     if data[:3] != b"ply":  # a text file may have a byte order mark or be UTF-16
         file = text_file(data)
         if not file.text.startswith("ply"):

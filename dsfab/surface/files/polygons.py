@@ -13,19 +13,20 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
 """Cosines of the angle between a quad's two triangles: flat quads are above `FLAT`; below `WARPED`, folds may cross."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""A quad is cut along its longer diagonal if its triangles are then nearly parallel to flat neighbours. The difference
-of the unit normals must be below `ON` (10 degrees), and below `BETTER` times the difference for the shorter diagonal.
-"""
+"""Limits for cutting a quad along its less suitable diagonal, because the triangles then continue flat neighbours.
+The difference of the unit normals must be below `ON` (10 degrees), and below `BETTER` times the difference for the
+first diagonal."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     """Return the two triangles (2 q, 3) of each of the faces `quads` (q,), which have four corners.
 
-    V : (n, 3) vertices.    sizes : (f,) number of corners of each face.
-    corners : (c,) corners of all faces, face after face. The cut of a quad with a corner outside 0..n-1 is arbitrary.
+    V       : (n, 3) vertices.
+    corners : (c,) corners of all faces, face after face.
+    sizes   : (f,) number of corners of each face.
 
-    The cut follows the only diagonal inside the quad, else a fold, else the shorter diagonal, else the diagonal from
-    corner 0."""
+    The cut follows the only diagonal inside the quad, else a fold, else the shorter diagonal. For equal diagonals it
+    begins at corner 0. The cut of a quad with a corner outside 0..n-1 is arbitrary."""
     start = np.cumsum(sizes) - sizes
     Q = corners[start[quads][:, None] + np.arange(4)]
     P = V[_inside(Q, len(V))] if len(Q) and len(V) else np.zeros((len(Q), 4, 3))
@@ -50,8 +51,8 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     return np.take_along_axis(Q, cut, axis=1).reshape(-1, 3)
 
 
-_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad cut from corner 0 to 2, and from 1 to 3.
-_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle at each side of a quad (side k begins at corner k), for both cuts.
+_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad: cut 0-2, then cut 1-3.
+_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle at each side of a quad: cut 0-2, then cut 1-3.
 
 
 def _inside(corners: Ints, n: int) -> Ints:
@@ -65,7 +66,8 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
     """Return the unit normals (r, 4, 3) of the flat neighbours of quads; 0 at sides without a single flat neighbour.
-    bent : (f,) faces that are not flat.    starts : (r,) index in `corners` of the first corner of each quad."""
+    bent   : (f,) faces that are not flat.
+    starts : (r,) index in `corners` of the first corner of each quad."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
     onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])
@@ -81,17 +83,17 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])
 
 
-MOST_CORNERS_FOR_EARS = 12  # Larger polygons are not cut by ear clipping, which takes k^3 steps for k corners.
-MANY = 2000  # Polygons with more corners get Delaunay triangles: 0.2 s for a comb of 100,000 corners, earcut takes 4 s.
+MOST_CORNERS_FOR_EARS = 12  # Most corners for ear clipping, which takes k^3 steps for k corners.
+MANY = 2000  # Most corners for earcut; larger polygons get Delaunay triangles, which is faster.
 NOISE = 32 * float(np.finfo(np.float64).eps)
 """A corner is straight if its distance from the line of its neighbours is below this times the largest coordinate."""
 ORDER = cdt.VertexInsertionOrder.AUTO  # An order of insertion in which near points follow each other.
-TOGETHER = 1 << 12  # Number of polygons that are cut together, so that their data fit into the processor's cache.
+TOGETHER = 1 << 12  # Number of polygons cut together; their data fit into the processor's cache.
 
 
 def small_polygon_triangles(P: Floats) -> Ints:
     """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3); k is 5 to `MOST_CORNERS_FOR_EARS`.
-    If no corner is an ear (the polygon crosses itself), the function takes the shortest cut."""
+    If a polygon crosses itself and has no ear, the function takes the shortest cut."""
     parts = [_ear_triangles(P[start : start + TOGETHER]) for start in range(0, len(P), TOGETHER)]
     return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
 
@@ -126,9 +128,9 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
 
 
 def large_polygon_triangles(P: Floats) -> Ints | None:
-    """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal. None if the polygon
-    crosses itself in this view, or has no area. Corners in the middle of a straight side are corners of
-    triangles, too, because a neighbouring polygon may have a corner there."""
+    """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal.
+    Return None if the polygon crosses itself in this view, or has no area. Corners on straight sides also become
+    corners of triangles, because a neighbouring polygon may have a corner there."""
     flat, noise = _in_plane(P)
     x, y = flat.T
     area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
@@ -191,7 +193,7 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
     """Return the distance (k,) of each corner of an outline (k, 2) to the right of the line through its neighbours.
-    Return also whether the outline turns by less than 90 degrees there."""
+    Return also whether the outline turns by less than 90 degrees at the corner."""
     incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(incoming + outgoing, axis=1)
     twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
@@ -253,7 +255,8 @@ def polygons(V: list[list[float]], faces: list[list[int]]) -> Polygons:
 @dataclass(frozen=True, eq=False)
 class CutPolygons:
     """Triangles of polygons.
-    F : (m, 3) vertex indices. owner : (m,) the polygon of each triangle, ascending.
+    F      : (m, 3) vertex indices.
+    owner  : (m,) the polygon of each triangle, ascending.
     fanned : (p,) polygons that cross themselves; they are cut as fans from their first corners."""
 
     F: Ints
@@ -263,8 +266,8 @@ class CutPolygons:
 
 def triangles(mesh: Polygons) -> CutPolygons:
     """Cut polygons into triangles, by `quad_triangles`, `small_polygon_triangles` or `large_polygon_triangles`.
-    Polygons with fewer than three corners are dropped. A polygon with a missing vertex, or a vertex that is not
-    finite, becomes a fan, and the caller must refuse this polygon."""
+    Polygons with fewer than three corners are dropped. The caller must refuse a polygon with a missing or infinite
+    vertex, which becomes a fan."""
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
     cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quad_triangles(mesh.V, mesh.corners, mesh.sizes, of4)]

@@ -51,20 +51,20 @@ def read_surface(
 ) -> Surface:
     """Return the surface in a mesh file, or in a file of a CAD program (`MESH_SUFFIXES`), in metres.
 
-    unit : unit of the numbers in the file; None takes the unit that the file declares (3MF, 3DM, DXF, STEP; glTF is in
-           metres), else metres.
-    up   : the file's axis that points to the sky.
-    mend : true mends small faults first: see `dsfab.surface.clean.repair`.
-    max_triangles : limit on triangles; all further limits of reading follow from it.
-    repair : true for a raw scan, which dsfab first converts to a clean sheet: see `dsfab.surface.clean.repair`.
+    unit          : unit of the numbers in the file; by default the unit that the file declares, else metres.
+    up            : the file's axis that points to the sky; a GLB file is first rotated from y up to z up.
+    mend          : true to mend small faults first, see `dsfab.surface.clean.repair`.
+    max_triangles : limit on triangles; the other limits of reading follow from it.
+    repair        : true to convert a raw scan to a clean sheet first, see `dsfab.surface.clean.repair`.
 
     dsfab flips as few faces as possible so that neighbours agree and closed pieces face outward. A piece with one side
-    only (a Moebius strip) keeps a seam along which neighbours disagree. A GLB file has y up by its specification, and
-    dsfab rotates it to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file`
-    reports the repairs.
+    only (a Moebius strip) keeps a seam between faces that disagree. Pinches and several pieces are accepted.
+    `describe` reports them, and `surface_in_file` reports the repairs.
 
-    Raises SurfaceError for an unreadable file, for coordinates that are not finite, and for collapsed or repeated
-    faces. Also raises it for edges with more than two faces, and for parts that touch in a point inside the surface."""
+    Raises SurfaceError for
+    - an unreadable file, and coordinates that are not finite;
+    - collapsed or repeated faces, and edges with more than two faces;
+    - parts that touch in a point inside the surface."""
     return surface_in_file(path, unit, up, mend, max_triangles, repair).surface
 
 
@@ -172,12 +172,14 @@ def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """Facts about a mesh file, sound or not. Lengths are in metres, converted from `unit`; faces are triangles. Faces
-    with vertices that are not finite count in `faces` only. `volume` is None unless the mesh is closed and oriented.
-    `genus` is None unless the mesh is a single oriented manifold piece. `faults` say why the mesh is not an oriented
-    manifold. `smallest_angle` is in degrees and ignores degenerate faces. `unit_guess` is the unit that the file
-    declares, or a guess from the size of the numbers; `unit_said` is true for a declared unit. `record` lists the
-    repairs and dropped parts."""
+    """Facts about a mesh file, sound or not; faces are triangles, lengths are in metres, converted from `unit`.
+    unit_guess     : unit that the file declares, or a guess from the size of the numbers.
+    unit_said      : true if the file declares the unit.
+    faces          : number of faces; all other facts ignore faces with vertices that are not finite.
+    volume         : cubic metres; None unless the mesh is closed and oriented.
+    genus          : None unless the mesh is a single oriented manifold piece.
+    faults         : reasons why the mesh is not an oriented manifold.
+    smallest_angle : degrees, without degenerate faces."""
 
     path: str
     unit: str

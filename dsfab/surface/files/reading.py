@@ -79,8 +79,9 @@ log = logging.getLogger(__name__)
 
 @contextmanager
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
-    """Context manager that converts any exception while a file is read into a SurfaceError with a message for the user.
-    smaller : remedy in the message if memory is too small.    damaged : cause in the message of unknown errors."""
+    """Context manager that converts any exception during the reading of a file into a SurfaceError with a message.
+    smaller : remedy in the message if memory is too small.
+    damaged : cause in the message of unknown errors."""
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -102,9 +103,10 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 @dataclass(frozen=True)
 class Content:
     """Things of one kind in a file, and what dsfab did with them.
-    kind  : "mesh", "curve", "hidden object" ...    about : words after the kind, such as a layer or a reason.
-    fate  : "taken", now part of the surface; "marks", used as supports, loads or regions; "beside", unable to be part
-            of a surface, such as a curve; "dropped", left out although the user may need it.
+    kind  : "mesh", "curve", "hidden object" ...
+    fate  : "taken" for parts of the surface; "marks" for supports, loads and regions; "beside" for things that cannot
+            be parts of a surface, such as curves; "dropped" for things that the user may miss.
+    about : words after the kind, such as a layer or a reason.
     count : number of these things."""
 
     kind: str
@@ -161,7 +163,7 @@ MANY_LAYERS = 5  # Objects hidden on more layers are reported in one line.
 @dataclass(frozen=True)
 class FileRecord:
     """Short texts about the content of one file.
-    read     : first the format and the content, then doubts about the content.
+    read     : format and content, then doubts about the content.
     repaired : differences between the surface and the file.
     dropped  : content of the file that the surface lacks.
     content  : inventory of the file."""
@@ -204,8 +206,10 @@ NOTHING_READ = FileRecord()
 @dataclass(frozen=True, eq=False)
 class PolygonFile:
     """The polygons of a file, and remarks about the file.
-    doubts : oddities that may be faults. dropped : ignored parts. unit : the unit in the file's comments.
-    up : the default up axis of the program that wrote the file, "y" or "z"; None if unknown.
+    doubts  : oddities that may be faults.
+    dropped : ignored parts.
+    unit    : unit in the file's comments.
+    up      : default up axis of the program that wrote the file, "y" or "z"; None if unknown.
     content : inventory of the file besides its faces."""
 
     mesh: Polygons
@@ -219,7 +223,7 @@ class PolygonFile:
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
     """Triangles of a file: vertices V (n, 3) in the file's unit, faces F (m, 3), and remarks as in a `PolygonFile`.
-    unit : the unit that the file declares, or None; a unit outside METRES_PER requires --unit.
+    unit    : unit that the file declares, or None; for a unit outside METRES_PER the user must set --unit.
     content : inventory of the file."""
 
     V: Floats
@@ -263,7 +267,7 @@ _UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IG
 _PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
 """Programs whose OBJ files have y up by default (first group), and programs with z up."""
 
-BLOCK = 1 << 20  # Number of characters that the reader splits into lines between two checks of the time.
+BLOCK = 1 << 20  # Number of characters that are split into lines between two checks of the time.
 
 
 @dataclass(frozen=True)
@@ -300,7 +304,7 @@ def may_lack_digits(word: str, count: int) -> bool:
 
 
 def text_file(data: bytes) -> TextFile:
-    """Return the text in `data`: UTF-8, or an encoding that a byte order mark or zeros between the letters indicate.
+    """Return the text in `data`: UTF-8, or the encoding that a byte order mark or zero bytes indicate.
     Each invalid byte becomes a letter that never occurs in a number. Raises MalformedFileError for incomplete UTF-16.
     """
     encoding, doubt, skipped = "utf-8", "", 0
@@ -324,7 +328,8 @@ def text_file(data: bytes) -> TextFile:
 @dataclass(frozen=True)
 class CommentDeclarations:
     """Declarations in comments at the beginning of a file; None if missing.
-    unit : a key of METRES_PER.    up : "y" or "z", the default up axis of the program that wrote the file."""
+    unit : a key of METRES_PER.
+    up   : default up axis of the program that wrote the file, "y" or "z"."""
 
     unit: str | None = None
     up: str | None = None
@@ -353,21 +358,21 @@ def whole_number(word: str) -> int:
     return int(word)
 
 
-CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon's sides from its curve, as a share of the curve's size.
-LARGEST_NUMBER = 1e12  # Larger numbers cannot be lengths or angles, and libraries may loop endlessly on them.
+CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon from its curve, divided by the curve's size.
+LARGEST_NUMBER = 1e12  # Largest number in a drawing; libraries may loop endlessly on larger numbers.
 
 
-FAR = 100.0  # A mesh is far from the origin if its coordinates are this many times as large as its largest dimension.
-DIGITS = 6  # Default number of digits in files of C and C++ programs (printf with %g), such as gmsh.
+FAR = 100.0  # Least coordinate of a mesh far from the origin, divided by the mesh's largest dimension.
+DIGITS = 6  # Default number of digits in files of C and C++ programs, such as gmsh.
 COARSE_STEP, LARGEST_STEP = 0.02, 0.5
-"""Ratios of the rounding step of the coordinates to the mean edge. dsfab reports steps above `COARSE_STEP`, which move
-vertices by over 1 % of an edge. It refuses steps above `LARGEST_STEP`, which can turn faces over."""
+"""Limits of the rounding step of the coordinates, divided by the mean edge.
+dsfab reports steps above `COARSE_STEP`. It refuses steps above `LARGEST_STEP`, which can turn faces over."""
 
 
 def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, str]:
-    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3), divided by the mean edge. Return
-    also a sentence about it in `unit`; 0 and "" for a fine step. Coarse steps occur only far from the origin, in 32-bit
-    numbers or with `DIGITS` digits."""
+    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3), divided by the mean edge.
+    Return also a sentence about the step in `unit`; 0 and "" for a fine step. Coarse steps occur far from the origin,
+    in 32-bit numbers or numbers with `DIGITS` digits."""
     P = V[F].reshape(-1, 3)
     largest = np.abs(P).max(axis=0)
     if not np.isfinite(largest).all() or largest.max() <= FAR * np.ptp(P, axis=0).max():
@@ -392,9 +397,10 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
 @dataclass(frozen=True, eq=False)
 class Drawing:
     """Content of a drawing, in its unit.
-    runs   : layer and points (k, 3) of each curve, and whether the file hides it.
-    layers : names of all layers.    unit : None if the file has no unit that dsfab knows.
-    points : layer and place (1, 3) of each single point, and whether the file hides it."""
+    runs   : layer and points (k, 3) of each curve, and True if the file hides it.
+    layers : names of all layers.
+    unit   : unit of the file; None if missing or unknown.
+    points : layer and place (1, 3) of each single point, and True if the file hides it."""
 
     runs: tuple[tuple[str, Floats, bool], ...]
     layers: tuple[str, ...]
@@ -404,9 +410,11 @@ class Drawing:
 
 @dataclass(frozen=True)
 class DrawingBudget:
-    """Limits of a drawing of outlines, far above the size of usual drawings of doors and supports: bytes of the file,
-    entities (also those of each inserted block), points of all curves, seconds of reading, and depth of nested blocks.
-    started : start of reading, seconds of the process's clock."""
+    """Limits of reading a drawing of outlines, far above the size of usual drawings.
+    entities : number of entities, with those of each inserted block.
+    points   : number of points of all curves.
+    depth    : depth of nested blocks.
+    started  : start of reading, seconds of the process's clock."""
 
     bytes: int = 50_000_000
     entities: int = 50_000

@@ -39,8 +39,8 @@ _KINDS = {
 
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
     """Return the curves of a 3DM file, with blocks expanded, its layers and its unit.
-    Raises SurfaceError without the library and beyond the budget, MalformedFileError for a file that is not 3DM. The
-    library may crash on a damaged file; `separate_process.read_rhino_in_process` is safe for such files."""
+    Raises SurfaceError without the library and beyond the budget, MalformedFileError for a foreign file. The library
+    may crash on a damaged file; `separate_process.read_rhino_in_process` prevents this."""
     require_rhino()
     import rhino3dm
 
@@ -61,7 +61,7 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
     """Return the meshes of a 3DM file, and the saved meshes of its surfaces, with blocks expanded, vertices not joined.
-    Raises SurfaceError for a file whose surfaces have no saved meshes, and as `read_rhino` does."""
+    Raises SurfaceError for a file whose surfaces have no saved meshes. See `read_rhino` for other errors."""
     model = _model(path)
     drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
     for layer, thing, place, _ in drawing.all():
@@ -134,10 +134,10 @@ def _model(path: Path) -> Any:
 
 
 class _DrawnObjects:
-    """Iterator over the visible objects of a 3DM file. The file lists the objects of a block once. The iterator yields
-    them at each insertion of the block, moved by the insertion's matrix.
-    hidden : numbers of the hidden layers, and of layers within them.    hidden_layers : true to include their objects.
-    counts : number of block insertions and hidden objects."""
+    """Iterator over the visible objects of a 3DM file; it yields the objects of a block at each insertion.
+    hidden        : numbers of the hidden layers, and of layers within them.
+    hidden_layers : true to include the objects on hidden layers.
+    counts        : number of block insertions and hidden objects."""
 
     def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.model, self.budget, self.count = model, budget, 0
@@ -209,8 +209,8 @@ def _points(curve: Any) -> Floats:
 
 
 def read_occt(path: Path) -> TriangleFile:
-    """Return the triangles of all faces, not joined, in millimetres from STEP files; BREP files declare no unit. Raises
-    MalformedFileError for a file that OCCT cannot read, and for a file without faces."""
+    """Return the triangles of all faces, not joined, in millimetres from STEP files. BREP files declare no unit.
+    Raises MalformedFileError for a file that OCCT cannot read, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
@@ -222,7 +222,7 @@ def read_occt(path: Path) -> TriangleFile:
     faces = TopExp_Explorer(shape, TopAbs_FACE)
     if not faces.More() or box.IsVoid():
         raise MalformedFileError("it has no faces, only curves or points")
-    # tolerances: 2e-4 of the box's diagonal between face and triangles, and 0.2 radians between neighbours
+    # tolerances: 2e-4 of the box's diagonal from face to triangles, 0.2 radians between neighbours
     BRepMesh_IncrementalMesh(shape, 2e-4 * box.SquareExtent() ** 0.5, False, 0.2, False)
     parts, lost = list[tuple[Floats, Ints]](), 0
     while faces.More():

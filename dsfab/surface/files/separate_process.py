@@ -1,7 +1,6 @@
 """Separate process for the readers of 3DM, STEP and BREP files, with limits on time and memory.
 
-rhino3dm crashes on some damaged files of 7 kB; for similar files it needs 6.7 GB, or half a minute. OCCT may take any
-time for a surface, and may end the process."""
+The libraries rhino3dm and OCCT may crash, or take much time and memory, on damaged files."""
 
 import importlib.util
 import io

@@ -31,7 +31,7 @@ from dsfab.surface.files.reading import (
     whole_number,
 )
 
-HEAD, EACH = 84, 50  # Number of bytes of the header, and of each triangle, in a binary file.
+HEAD, EACH = 84, 50  # Bytes of the header, and of each triangle, in a binary file.
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = r"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s+"
 _FACET = re.compile(
@@ -43,9 +43,9 @@ CHUNK = 1 << 14  # Number of triangles or XML elements between two checks of the
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
-    """Return the triangles of an STL file, with coincident corners merged. The length of the file distinguishes binary
-    files from text, because many binary files also begin with "solid". Raises MalformedFileError for an incomplete or
-    foreign file, SurfaceError beyond the budget."""
+    """Return the triangles of an STL file, with coincident corners merged.
+    A file is binary if its length fits its binary header, because binary files may also begin with "solid". Raises
+    MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
@@ -98,15 +98,15 @@ def _line_number(text: str, position: int) -> int:
 
 _NAMESPACES = "core materials production beamlattice slice trianglesets".split()  # noqa: SIM905
 """Words in the names of extensions of 3MF that dsfab reads, or that do not change shapes."""
-_TAKEN = ("model", "surface")  # Types of objects of the model; other types are aids of a print, such as supports.
+_TAKEN = ("model", "surface")  # Types of objects that belong to the model, unlike aids of a print.
 _ROOT = re.compile(r"""Target\s*=\s*["']([^"']+\.model)["']""", re.IGNORECASE)
 Key = tuple[str, str]  # Name of a part of the file, and number of an object in this part.
 
 
 def read_3mf(data: bytes, budget: Budget) -> TriangleFile:
     """Return the triangles of all objects on the build plate of a 3MF file, in double precision, at their places.
-    Aids of a print, such as supports and modifiers, are ignored. Raises MalformedFileError for a damaged file,
-    SurfaceError beyond the budget [3MF Consortium, core specification 1.4]."""
+    Aids of a print, such as supports, are ignored. Source: 3MF Consortium, core specification 1.4. Raises
+    MalformedFileError for a damaged file, SurfaceError beyond the budget."""
     plate = _Plate(budget, _archive_texts(data, budget))
     for key in (*plate.unprinted, *(key for key, _ in plate.items)):
         plate.require_ends(key, 0)
@@ -128,8 +128,9 @@ class _Object:
 
 
 class _Plate:
-    """Content of all parts of a file. items : object and transformation (4, 4) of each item on the build plate.
-    triangles : number of triangles of each object in use, with its components.    counts : counted content."""
+    """Content of all parts of a file.
+    items     : object and transformation (4, 4) of each item on the build plate.
+    triangles : number of triangles of each used object, with its components."""
 
     def __init__(self, budget: Budget, texts: dict[str, bytes]) -> None:
         self.budget, self.count, self.open = budget, 0, _Object("")  # `open` is the object that is being read
@@ -233,9 +234,10 @@ _AID = Content("modifier", "dropped", "or support of its slicer")
 
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
-    """Return the aids of a print, such as supports, from the settings of a slicer [PrusaSlicer: Slic3r_PE_model.config;
-    Bambu Studio, OrcaSlicer: model_settings.config]. A key is object and component, with an empty list; or object and
-    "", with the first and the last triangle of each aid."""
+    """Return the aids of a print, such as supports, from the settings of a slicer.
+    A key (object, component) has an empty list: the component is an aid. A key (object, "") has the first and the last
+    triangle of each aid. Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config [Bambu Studio,
+    OrcaSlicer]."""
     aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):
         try:

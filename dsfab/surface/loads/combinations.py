@@ -16,13 +16,13 @@ from dsfab.surface.loads.supports import Support
 from dsfab.surface.mesh import Surface
 
 LimitState = Literal["ULS", "SLS", ""]  # Ultimate and serviceability limit state.
-COMBINED = "combined"  # Value of diffusion.follow for all cases at once; no case may have this name.
+COMBINED = "combined"  # Value of diffusion.follow for all cases at once.
 
 
 @dataclass(frozen=True)
 class Combination:
     """A sum of cases: `[[surface.combination]]  name = "uls"  factors = { dead = 1.35, snow = 1.5 }`.
-    factors     : factor on the loads of each case, by the name of the case; other cases take no part.
+    factors     : factor on the loads of each case, by the name of the case; cases without a factor are left out.
     limit_state : ULS, for stress and buckling; SLS, for displacements; empty for both."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -44,8 +44,8 @@ def case_names(loads: Sequence[Load]) -> list[str]:
 def load_cases(
     surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0
 ) -> dict[str, LoadCase]:
-    """Return the load case of each case name; all have the same supports and the same `loaded` (see `LoadCase.build`).
-    `loaded` marks the vertices under a concentrated load of any case, because the pattern must carry all these loads.
+    """Return the load case of each case name; all cases have the same supports.
+    All cases have the same `loaded` vertices, because the pattern must carry the concentrated loads of all cases.
     Raises SurfaceError as `LoadCase.build` does, with the name of the case if there are several."""
     names = case_names(loads)
     if len(names) < 2:
@@ -107,14 +107,13 @@ ONE_AT_A_TIME = ("snow", "snow high", "wind", "temperature")  # Two cases of one
 
 @dataclass(frozen=True)
 class DesignFactors:
-    """Factors gamma, xi and psi of a national annex: `[surface.factors]  variable = 1.6  psi = { wind = [0.6, 0.2, 0]
-    }`.
+    """Factors gamma, xi and psi of a national annex: `[surface.factors]  variable = 1.6`.
 
     permanent  : gamma_G of unfavourable permanent loads.
     favourable : gamma_G of favourable permanent loads, such as weight against wind.
     variable   : gamma_Q of variable loads.
     reduction  : xi, the factor on permanent loads in equation 6.10b.
-    psi        : psi_0, psi_1 and psi_2 of kinds of actions that differ from Table A1.1."""
+    psi        : psi_0, psi_1 and psi_2 of kinds of actions, `{ wind = [0.6, 0.2, 0] }`; by default Table A1.1."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     permanent: Share = 1.35
@@ -163,9 +162,10 @@ def action_mistakes(
 def en1990_combinations(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule, factors: DesignFactors
 ) -> list[Combination]:
-    """Return all combinations of the load cases, with distinct factors; ultimate limit states come first. A combination
-    has any selection of variable cases, with at most one case of kinds that exclude each other. Each selected case is
-    the leading action once. Permanent loads count as favourable only with wind, because all other loads press down."""
+    """Return all combinations of the load cases, with distinct factors; ultimate limit states come first.
+    Each selection of variable cases is combined. Two cases of one kind in `ONE_AT_A_TIME` never act together. Each
+    selected case is the leading action once. Permanent loads count as favourable only with wind, because other loads
+    press down."""
     permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
     combinations: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
     for chosen in product(*groups):

@@ -15,7 +15,7 @@ from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
-EDGE_ON = 1e-12  # A face is parallel to a direction if the cosine of the angle to its normal is below this.
+EDGE_ON = 1e-12  # Largest cosine of the angle between a direction and the normal of a parallel face.
 
 
 @dataclass(frozen=True)
@@ -23,11 +23,9 @@ class Snow:
     """A load in pascals per *plan* area along `direction` (any length): the force s A |n . d| d on each face.
 
     s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]. An open sheet carries snow on all faces,
-    whatever side their normals point to, so pick only the upper part of an overhanging sheet. On a closed surface only
-    faces whose outside faces against `direction` carry snow.
+    so pick only the upper part of an overhanging sheet. A closed surface carries snow only on its upper faces.
 
-    shape   : "mu1" if `pressure` is the snow load on the ground, s_k, without the shape factor; "" if `pressure`
-              includes it. With "mu1" the factor follows from the slope of each face (`snow_shape_factor`).
+    shape   : "mu1" to multiply `pressure` (s_k on the ground) by `snow_shape_factor`; "" if `pressure` includes it.
     kind    : "imposed" for people and services on the plan [EN 1991-1-1, 6.3].
     covered : true if a covering carries the snow over openings to the members; else snow lies only on the members."""
 
@@ -64,8 +62,8 @@ class Snow:
 
 
 def snow_shape_factor(slope: Floats) -> Floats:
-    """Return the shape factor mu_1 (m,) of roofs by their slope, degrees [EN 1991-1-3:2003, table 5.2]. It is 0.8 up to
-    30 degrees, falls linearly up to 60 degrees, and is 0 above, where snow slides off."""
+    """Return the shape factor mu_1 (m,) of roofs by their slope (m,), degrees [EN 1991-1-3:2003, table 5.2].
+    The factor is 0.8 up to 30 degrees, falls linearly up to 60 degrees, and is 0 on steeper roofs."""
     return np.asarray(0.8 * np.clip((60.0 - slope) / 30.0, 0.0, 1.0))
 
 
@@ -76,10 +74,11 @@ class Wind:
         c = windward (-n . d)   if the outside faces the wind (pressure),
         c = -leeward (n . d)    if the outside faces away (suction).
 
-    Normals n point to the outside, which dsfab finds itself on closed surfaces. The defaults give walls perpendicular
-    to the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1]. Towards the
-    sides the coefficients decrease with the cosine. This is a first estimate for choosing a pattern. It omits suction
-    along roofs and side walls, and pressure inside open halls; add these as a `pressure` on picked faces.
+    Normals n point to the outside; dsfab finds the outside of closed surfaces. By default, walls perpendicular to the
+    wind have coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1].
+
+    This load is a first estimate for choosing a pattern. It omits suction along roofs and side walls, and pressure
+    inside open halls. Add these as loads of kind `pressure` on picked faces.
 
     covered : see `Snow`; an open lattice also has different coefficients [EN 1991-1-4, 7.11]."""
 
@@ -149,10 +148,10 @@ SPREAD_PARTS = ("weight", "bare", "covered")  # Load parts that act on faces.
 class LoadParts:
     """Forces at the vertices of a surface, and tractions on its faces. Loads of the uncut surface cover whole faces.
 
-    point   : (n, 3) newtons, loads of kind force and line.
-    weight  : (m, 3) Pa, weight of the sheet itself, in proportion to its material.
-    bare    : (m, 3) Pa, loads that act on material alone: snow and wind on an open lattice.
-    covered : (m, 3) Pa, loads that also act on openings with a covering: glass, a membrane, boards."""
+    point   : (n, 3) loads of kind force and line, newtons.
+    weight  : (m, 3) weight of the sheet itself, in proportion to its material, Pa.
+    bare    : (m, 3) loads that act on material alone, such as snow on an open lattice, Pa.
+    covered : (m, 3) loads that also act on openings with a covering, such as glass, Pa."""
 
     point: Floats
     weight: Floats
@@ -215,7 +214,7 @@ class Force:
 @dataclass(frozen=True)
 class Pressure:
     """A pressure in pascals on the faces whose corners are all picked; a positive pressure acts against their normals.
-    A constant pressure gives each corner a third of its face's force: the consistent load of linear triangles.
+    Each corner takes a third of its face's force: the consistent load of linear triangles.
     covered : true if a covering carries the pressure over openings to the members (see `Snow`)."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -266,7 +265,7 @@ class SelfWeight:
 @dataclass(frozen=True)
 class Cladding:
     """The weight of a covering (glass, membrane, boards): a permanent load in pascals per area of the surface itself.
-    The load acts along `direction` (any length) on faces with all corners picked. The covering spans openings."""
+    It acts along `direction` (any length) on faces with all corners picked, and also on openings."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -280,8 +279,8 @@ class Cladding:
         """Return the traction (m, 3) on each face, Pa."""
         if not self.pressure > 0:
             raise SurfaceError(
-                f"a load of kind 'cladding' needs a positive pressure in pascals, not {self.pressure:g}; its weight "
-                "is its thickness times its density times 9.81: 10 mm of glass are 250 Pa"
+                f"a load of kind 'cladding' needs a positive pressure in pascals, not {self.pressure:g}; give "
+                "thickness x density x 9.81, such as 250 for 10 mm of glass"
             )
         along = self.pressure * unit_vector(self.direction, "a load of kind 'cladding'")
         return picked_faces(surface, self.at, "cladding")[:, None] * along
@@ -294,8 +293,8 @@ class Cladding:
 @dataclass(frozen=True)
 class Line:
     """A load in newtons per metre along edges: each edge gives half of its load to each of its ends.
-    edges : `boundary`, the free edges whose ends are both picked; or `all`, every edge whose ends are both picked, for
-            a path through the sheet (pick a line of vertices, not a region)."""
+    edges : `boundary`, free edges with both ends picked; or `all`, every edge with both ends picked. For a path
+            through the sheet use `all`, and pick a line of vertices, not a region."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     at: Picker
@@ -334,7 +333,7 @@ Load = Annotated[Force | Pressure | SelfWeight | Cladding | Line | Snow | Wind, 
 
 def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> LoadParts:
     """Return the loads as `LoadParts`: forces at vertices, and three kinds of loads on faces.
-    weight : weight of the sheet, N/m2, as for `LoadCase.build`. Raises SurfaceError as that method does."""
+    weight : weight of the sheet, N/m2. Raises SurfaceError as `LoadCase.build` does."""
     spread: dict[str, Floats] = {part: np.zeros((surface.m, 3)) for part in SPREAD_PARTS}
     point = np.zeros((surface.n, 3))
     for load in loads:
@@ -350,15 +349,13 @@ def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> 
 @dataclass(frozen=True, eq=False)
 class LoadCase:
     """Supports and loads on the vertices of one surface.
-    fixed  : (n, 3) True if a vertex may not move along x, y, z.
-    force  : (n, 3) force on each vertex, newtons.
-    loaded : (n,) True at the vertices under a concentrated load: a force or a line, not a load on faces. The pattern
-             may protect these vertices with `keep`.
-    spring : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; by default none.
-    clamped: (e,) edges that may not rotate about themselves; empty (the default) if no edge is clamped.
-    fixed_edges : (e, 3) True if points inside an edge may not move along x, y, z; empty (the default) if the supported
-                  vertices decide (`spanned_edges`).
-    parts  : the forces in parts (see `LoadParts`); None if all act on the vertices themselves."""
+    fixed       : (n, 3) True if a vertex may not move along x, y, z.
+    force       : (n, 3) force on each vertex, newtons.
+    loaded      : (n,) True at the vertices under a load of kind force or line; the pattern may `keep` them.
+    spring      : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; by default none.
+    clamped     : (e,) edges that may not rotate about themselves; by default none, (0,).
+    fixed_edges : (e, 3) True if points inside an edge may not move along x, y, z; (0, 3) for `spanned_edges`.
+    parts       : the forces in parts (see `LoadParts`); None if all forces act on the vertices themselves."""
 
     fixed: Bools
     force: Floats
@@ -381,9 +378,10 @@ class LoadCase:
     @classmethod
     def build(cls, surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0) -> Self:
         """Return the load case of all supports and loads together.
-        weight : of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
-        Raises SurfaceError without a support or a load, and for pickers without vertices. Also raises it for loads that
-        are zero, and for loads that act only in fixed directions."""
+        weight : weight of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
+        Raises SurfaceError
+        - without a support or a load, and for pickers without vertices;
+        - for loads that are zero, and for loads that act only in fixed directions."""
         if not supports:
             raise SurfaceError("the surface has no support; add a [[surface.support]] that holds some vertices")
         if not loads:
@@ -405,7 +403,7 @@ class LoadCase:
                 loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
         spring = np.sum([support.springs(surface) for support in supports], axis=0)
         clamped = np.logical_or.reduce([support.clamped_edges(surface) for support in supports])
-        # a free edge with supported ends is supported, because elements may have nodes in the middle of edges
+        # a free edge with fixed ends is fixed, because elements may have nodes in its middle
         between = fixed[surface.edges.ends].all(axis=1) & surface.edges.boundary[:, None]
         between = np.logical_or.reduce([between, *(support.fixed_edges(surface) for support in supports)])
         return cls(fixed, force, loaded, spring, clamped, between, load_parts(surface, loads, weight))

@@ -13,9 +13,9 @@ from dsfab.surface.edge_changes import halved_edges, with_flipped_edges, with_lo
 from dsfab.surface.loads.pickers import Extent, pierced_faces
 from dsfab.surface.mesh import Surface
 
-LINE_TOLERANCE = 0.002  # Largest distance of edges from the curved line that they follow, as a share of `Extent.width`.
-SNAP_SHARE = 0.25  # The end of an edge moves along the edge onto the line, by at most this fraction of the edge.
-TEST_POINTS = 7  # Number of points between the ends of an edge at which dsfab compares the edge with the line.
+LINE_TOLERANCE = 0.002  # Largest distance of edges from a curved line, divided by `Extent.width`.
+SNAP_SHARE = 0.25  # Largest move of a vertex along an edge onto the line, as a fraction of the edge.
+TEST_POINTS = 7  # Number of points inside an edge at which dsfab compares the edge with the line.
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +67,9 @@ class EdgeCrossings(NamedTuple):
 
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
-    """Return the points at which the line crosses edges, by bisection. The ends of such an edge are on opposite sides.
-    An edge that starts on the line also counts if it continues on one side and ends on the other side."""
+    """Return the points at which the line crosses edges, by bisection.
+    The ends of such an edge are on opposite sides of the line. If an edge starts on the line, its inner points may lie
+    on the side opposite its end."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -93,7 +94,8 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the fraction (k,) of each edge, from its `end` (0 or 1) on the line, on the side opposite to its far end.
+    """Return the part (k,), 0 to 1, of each edge that lies on the side opposite its far end.
+    The part begins at the edge's `end` (0 or 1), which is on the line.
     sign : (k,) side of the far end."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
@@ -165,9 +167,9 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
-    """Return which vertices (k,) may move to places (k, 3) without a change of the surface's shape or boundary
-    (tolerance in metres). Fixed vertices stay. The sine of the angle between a move and any face around the vertex is
-    at most 0.2."""
+    """Return which vertices (k,) may move to places (k, 3) without a change of the surface's shape or boundary.
+    The sine of the angle between a move and each face at the vertex is at most 0.2. Fixed vertices stay.
+    tolerance : distance from a face or boundary that is always allowed, metres."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -217,8 +219,8 @@ def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> Outlined
 def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurface:
     """Return the surface with edges along the line in which an extent meets it; its old vertices come first.
     fixed : (n,) vertices on earlier outlines, which stay in place.
-    Corners of the line are vertices; edges follow its curves within `LINE_TOLERANCE`. Raises SurfaceError for a line so
-    fine that it needs too many faces."""
+    Corners of the line become vertices. Edges follow its curves within `LINE_TOLERANCE`. Raises SurfaceError for a
+    fine line that needs too many faces."""
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
     outlined = with_corners(_refine(outlined, extent, _coarse_edges), extent)
     outlined = replace(outlined, on=outlined.on | (np.abs(extent.depth(outlined.surface.V)) <= 1e-9 * surface.size))

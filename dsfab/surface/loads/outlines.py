@@ -38,7 +38,7 @@ from dsfab.surface.topology import spanned_edges
 
 def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
     """Return the distance (p,) of points P (p, 2) from polygons (k, 2), in their unit; negative outside.
-    A point is inside if an odd number of polygons contain it: a polygon inside a second polygon is an island."""
+    A point is inside if an odd number of polygons contain it, so that a polygon inside a polygon is an island."""
     start = np.concatenate(loops)
     end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
     space = np.zeros((2 * len(start), 3))
@@ -104,8 +104,8 @@ def _turns(a: Floats, b: Floats, c: Floats) -> Floats:
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
-LEVEL = float(np.cos(np.radians(1)))  # A curve whose plane is within a degree of horizontal is projected from above.
-ONE_PLANE = 1e-3  # Curves count as in one plane if they leave the plane by less than this share of their size.
+LEVEL = float(np.cos(np.radians(1)))  # Cosine of the largest slope of a curve that is projected from above.
+ONE_PLANE = 1e-3  # Largest distance of curves from their common plane, divided by their size.
 
 
 class OutlineError(SurfaceError, ValueError):
@@ -115,7 +115,8 @@ class OutlineError(SurfaceError, ValueError):
 @dataclass(frozen=True)
 class PlanPolygon:
     """The space inside a polygon seen from above: `{ pick = "plan", polygon = [[0, 0], [2, 0], [2, 1]] }`.
-    polygon : corners, x and y, metres.    low, high : limits on z, metres; by default none.
+    polygon   : corners, x and y, metres.
+    low, high : limits on z, metres; by default none.
     Raises OutlineError for a polygon that has no area or crosses itself, and for heights in the wrong order."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -155,14 +156,15 @@ class PlanPolygon:
 class ClosedCurves:
     """The space inside closed curves of a drawing: `{ pick = "curve", file = "door.dxf", layer = "door" }`.
 
-    Horizontal curves are projected from above. All further curves are projected along the normal of their plane, like
-    a door in elevation.
+    Horizontal curves are projected from above. Other curves are projected along the normal of their plane, like a door
+    in elevation.
 
     file   : DXF or 3DM; relative paths start at the preset's folder, in Python at the current folder.
-    layer  : layer of the curves; by default all.    unit : of the file's numbers; by default the file's own unit.
-    curves : points of the curves instead of a file, metres; each curve is a polygon.
-    depth  : metres to both sides of the curves' plane. By default, horizontal curves have no limit. All further
-             curves reach as far as the nearest part of the surface: a door in the front leaves the back unchanged.
+    layer  : layer of the curves; by default all layers.
+    unit   : unit of the file's numbers; by default the file's own unit.
+    curves : points of polygons, used in place of a file, metres.
+    depth  : distance to both sides of the curves' plane, metres. By default, horizontal curves have no limit, and
+             other curves reach only the nearest part of the surface.
 
     Raises OutlineError unless either a file or curves are set."""
 
@@ -208,7 +210,7 @@ class ClosedCurves:
 @dataclass(frozen=True)
 class Brush:
     """The space of a brush stroke: within `radius` (metres) of any point, or of the segment to the next point.
-    A segment counts only if the balls around its ends overlap; otherwise the next point begins a new stroke."""
+    A segment counts only if the balls around its ends overlap. Otherwise the next point begins a new stroke."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -302,8 +304,8 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return the depth of the prism to both sides. Lines of sight through the curves first meet the nearest part of
-        the surface. The prism ends halfway between this part and the next part."""
+        """Return the depth of the prism to both sides, halfway between the nearest and the next part of the surface.
+        Lines of sight through the curves meet the nearest part first."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():
@@ -372,9 +374,10 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 
 
 def edges_of(picker: Picker, surface: Surface) -> Bools:
-    """Return the edges (e,) that belong to the picked vertices of a picker; raises SurfaceError as the picker does. A
-    picker of the boundary has free edges only. Other pickers have the edges with both ends picked. In a concave
-    outline, an edge's middle is inside, too. Named vertices have the edges between them (`spanned_edges`)."""
+    """Return the edges (e,) that belong to the picked vertices of a picker.
+    A picker of the boundary has free edges only. Other pickers have the edges with both ends picked. An edge's middle
+    is also inside a concave outline. Named vertices have the edges between them (`spanned_edges`). Raises SurfaceError
+    as the picker does."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):
         return picker.edges(surface)

@@ -20,9 +20,9 @@ from dsfab.surface.topology import on_boundary
 @dataclass(frozen=True, eq=False)
 class Extent:
     """A part of space.
-    depth   : function that returns how deep (k,) points (k, 3) are inside, metres; negative outside.
-    creases : (c, 2, 3) segments along which the walls of the part bend; the outline on a surface has corners there.
-    width   : metres, about half the width of the part at slender places; the mesh must be finer."""
+    depth   : function that returns the depth (k,) of points (k, 3) inside the part, metres; negative outside.
+    creases : (c, 2, 3) segments along which the walls of the part bend, metres. The outline has corners there.
+    width   : about half the width of the part at slender places, metres; the mesh must be finer."""
 
     depth: Callable[[Floats], Floats]
     creases: Floats
@@ -66,7 +66,7 @@ class Extent:
 
 def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]:
     """Return the faces (k,) that the segment from a to b (3,) meets, and their positions (k,), 0 to 1, ascending.
-    Faces parallel to the segment do not count [Moeller and Trumbore 1997]. Lengths are in metres."""
+    Faces parallel to the segment do not count [Moeller and Trumbore 1997]."""
     P, Q, R = (surface.V[surface.F[:, k]] for k in range(3))
     ray, u, v = np.broadcast_to(b - a, P.shape), Q - P, R - P
     normal, to = cross(ray, v), a - P
@@ -85,7 +85,7 @@ def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]
 Real = Annotated[float, AllowInfNan(False)]
 Vector = tuple[Real, Real, Real]
 CaseName = Annotated[str, StringConstraints(pattern=r"^[^\W_]([\w .-]*[\w.-])?$")]
-PICKER_TOLERANCE = 1e-6  # Tolerance of a picker, as a share of the surface's size, because coordinates are rounded.
+PICKER_TOLERANCE = 1e-6  # Tolerance of a picker for rounded coordinates, divided by the surface's size.
 STRICT: ConfigDict = {"extra": "forbid"}  # Make pydantic refuse unknown keys.
 
 
@@ -137,8 +137,8 @@ class Box:
 @dataclass(frozen=True)
 class Ball:
     """The vertices within `radius` of `center`, metres.
-    relative : true if the centre is in fractions of the surface's box, 0 to 1 along each axis; the radius is then a
-               fraction of the box's diagonal."""
+    relative : true for relative numbers: `center` in fractions of the surface's box, 0 to 1 along each axis, and
+               `radius` as a fraction of the box's diagonal."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     center: Vector
@@ -205,8 +205,8 @@ class Nearest:
 class Boundary:
     """The vertices of all free edges, of one boundary loop, or of a part of a loop.
     loop   : number of the loop: 0 is the longest in metres, 1 the next.
-    points : places (metres) near free edges, in place of a number. One place picks the nearest loop. Three places pick
-             the part of this loop from the first place, past the second, to the third."""
+    points : places near free edges, in place of a number, metres. One place picks the nearest loop. Three places pick
+             a part of this loop: its start, a place on it, its end."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     loop: Literal["all"] | Annotated[int, Ge(0)] = "all"
@@ -216,8 +216,8 @@ class Boundary:
     def __post_init__(self) -> None:
         if len(self.points) not in (0, 1, 3) or (self.points and self.loop != "all"):
             raise ValueError(
-                "pick = 'boundary' takes a loop, or points: one for a whole loop, three for a part of it (its start, a "
-                "place on it, its end)"
+                "pick = 'boundary' needs a loop, or points: one point for a whole loop, three points for a part of a "
+                "loop (start, middle, end)"
             )
 
     def vertices(self, surface: Surface) -> Bools:

@@ -1,7 +1,7 @@
 """`PatternRegion`: a region of the surface, `[[pattern.region]]` in a preset: solid, void, or with a solid band.
 
-dsfab cuts the mesh along the outlines of regions before any analysis. Statics, pattern, sheet and solid all have edges
-along the outlines. For each of these stages a void is a hole in the surface."""
+dsfab cuts the mesh along the outlines of regions before any analysis. A void is a hole in the surface for all later
+stages."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -28,13 +28,13 @@ class RegionError(SurfaceError, ValueError):
 class PatternRegion:
     """A part of the surface with its own treatment.
 
-    at    : picker of the region. The pickers plan, curve, brush, ball, box and side bound it by a line. For any other
-            picker, the edge is halfway between picked and unpicked vertices.
+    at    : picker of the region. A region by plan, curve, brush, ball, box or side has a smooth edge.
     do    : keep, the region is solid; void, it is empty; rim, it has a solid band inside its edge.
-    width : of the band, metres along the surface; by default the width in pattern.rim, else 1/8 of the region's width.
+    width : width of the band along the surface, metres; by default that of pattern.rim, else 1/8 of the region's width.
     name  : text for messages.
 
-    Raises RegionError for a width without a band, and for a band without an outline."""
+    The edge of a region by any other picker is halfway between picked and unpicked vertices. Raises RegionError for a
+    width without a band, and for a band without an outline."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: Picker
@@ -69,8 +69,10 @@ def region_key(regions: Sequence[PatternRegion], k: int) -> str:
 
 class RegionedSurface(NamedTuple):
     """A surface that is cut along the outlines of regions.
-    surface : the surface without the voids.  taken    : (k,) the area of each void, m2.
-    whole   : the surface with the voids.     vertices : (n,) the index in `whole` of each vertex of `surface`."""
+    surface  : the surface without the voids.
+    taken    : (k,) area of each region that is a void, else 0, m2.
+    whole    : the surface with the voids.
+    vertices : (n,) index in `whole` of each vertex of `surface`."""
 
     surface: Surface
     taken: Floats
@@ -80,7 +82,7 @@ class RegionedSurface(NamedTuple):
 
 def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
     """Return the surface with edges along outlines of regions, without voids; old vertices come first in `whole`.
-    Raises SurfaceError, which names the region, for a region off the surface, and for voids that leave no surface."""
+    Raises SurfaceError with the region's name if the region misses the surface, or if voids leave no surface."""
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
     outlined = OutlinedSurface(surface, nothing, nothing)
     for k in _voids_first(regions):

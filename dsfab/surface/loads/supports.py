@@ -15,7 +15,7 @@ from dsfab.surface.loads.outlines import Picker, edges_of
 from dsfab.surface.loads.pickers import STRICT, Vector
 from dsfab.surface.mesh import Surface
 
-LONGEST_NAME = 40  # Largest number of characters of a name, which must fit into a column of a table.
+LONGEST_NAME = 40  # Most characters of a name; it must fit into a column of a table.
 SIGNS = " _-.,/+"  # Characters that a name may have besides letters and digits of any language.
 
 
@@ -70,12 +70,11 @@ class Support:
     """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
 
     hold   : fixed directions, along the surface's own axes: by default all, or none if a `spring` is set.
-    spring : total stiffness along x, y and z, newtons per metre, spread over the picked vertices in proportion to their
-             areas. A stiffness of 0 leaves a direction free (or fixed by `hold`).
-    clamp  : true if the edges of the picker (`edges_of`) cannot rotate about their own line either. The inner edge of
-             a face with two boundary edges stays free, because it lies inside the sheet.
+    spring : total stiffness along x, y and z, newtons per metre, shared by the vertices in proportion to their areas.
+    clamp  : true if the edges of the picker (`edges_of`) cannot rotate about their own line either.
     name   : text for lists of supports; it does not affect results.
 
+    If a face has two boundary edges, `clamp` leaves its inner edge free, because this edge lies inside the sheet.
     Raises SupportError for a support without effect, a negative spring, or a spring along a fixed direction."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT

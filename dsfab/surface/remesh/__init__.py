@@ -1,7 +1,7 @@
 """Remeshing: even triangles of a wanted size on an unchanged surface, with its boundaries, creases and corners.
 
 The method divides, collapses and flips edges, and moves vertices [Botsch and Kobbelt 2004]. Each step changes many
-edges at once that have no vertex in common, in the order of their length or gain. Equal surfaces give equal meshes."""
+edges without common vertices at once. Equal surfaces give equal meshes."""
 
 from dsfab.surface.remesh.remeshing import remeshed_surface
 from dsfab.surface.remesh.sizes import SizeField, change_sizes

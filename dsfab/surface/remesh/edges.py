@@ -38,8 +38,10 @@ class NetFaces:
 @dataclass(frozen=True, eq=False)
 class Net:
     """Mesh during remeshing: vertices V (n, 3), metres, kind (n,), faces, and the vertices on curves, called nodes.
-    node  : (k,) the vertices along each curve, curve after curve.    curve : (k,) the curve of each node.
-    at    : (k,) positions of nodes along `FeatureCurves`, metres.    size : (n,) wanted edge length, metres."""
+    node  : (k,) the vertices along each curve, curve after curve.
+    at    : (k,) positions of nodes along `FeatureCurves`, metres.
+    curve : (k,) the curve of each node.
+    size  : (n,) wanted edge length, metres."""
 
     V: Floats
     faces: NetFaces
@@ -115,9 +117,9 @@ class Net:
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
     """Return which candidates (c,) cost less than all candidates that touch one of their vertices.
     touched : (c, k) vertices of each candidate.
-    cost    : (c,), rounded to eight levels. With exact costs that rise along a strip, only its end would be selected. A
-              hash gives the order within a level [Knuth 1973, multiplicative hashing].
-    edges   : (e, 2) edges of the mesh; if given, candidates at neighbouring vertices are compared, too."""
+    cost    : (c,) cost of each candidate. Costs are rounded to eight levels, so that many candidates are selected at
+              once. A hash gives the order within a level [Knuth 1973, multiplicative hashing].
+    edges   : (e, 2) edges of the mesh, to compare also candidates at neighbouring vertices; else None."""
     if not len(cost):
         return np.zeros(0, dtype=bool)
     spread = np.ptp(cost)
@@ -131,7 +133,7 @@ LONGEST = 4 / 3  # Edges longer than this multiple of their wanted length are ha
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
     """Halve the long edges of the net once, and edges along curves that are too far from the curve.
-    edge : length in metres; the largest distance is a fraction of this length."""
+    edge : general edge length, metres; the tolerance for curves is a fraction of it."""
     length = edge_lengths(net.V, net.edges.ends)
     deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
@@ -142,9 +144,8 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return the long edges (e,) that have at least 70 % of the length of the longest edge in both of their faces. In
-    needle-shaped faces (2 area / longest edge^2 below 0.35) only the longest edge counts, because halving both long
-    edges would leave further needles."""
+    """Return the long edges (e,) that have at least 70 % of the length of the longest edge in both of their faces.
+    Only the longest edge counts in very thin faces (needles, 2 area / longest edge^2 below 0.35)."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -210,8 +211,8 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
-    """Return collapses of short edges that preserve topology and curves, and their costs (c,). A free vertex may merge
-    with any vertex; two free vertices merge at their middle. Curve vertices stay on the curve, fixed ones in place."""
+    """Return collapses of short edges that preserve topology and curves, and their costs (c,).
+    Two free vertices merge at their middle. Other vertices merge on the curve or at the fixed vertex."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -228,8 +229,8 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
-    """Return which vertices (c,) on a curve may merge with a neighbour on the curve. The longer edge that results must
-    stay near the curve, must not be too long, and must not exist yet."""
+    """Return which vertices (c,) on a curve may merge with a neighbour on the curve.
+    The new, longer edge must stay near the curve, must not be too long, and must not exist yet."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -366,9 +367,9 @@ def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Float
 
 
 def with_ears_flipped(surface: Surface) -> Surface:
-    """Return the surface with the inner edge of each ear flipped, so that the new edge starts at the ear's tip. An ear
-    is a flat triangle with two border edges and an angle over 150 degrees at its tip. Its corners are on a curved
-    border. The ear's inner edge looks like a crease, although the shape has none. Meshes of a disc have such ears."""
+    """Return the surface with the inner edge of each ear flipped, so that the new edge starts at the ear's tip.
+    An ear is a flat triangle with two border edges and an angle over 150 degrees at its tip. On a curved border, its
+    inner edge looks like a crease that the shape does not have."""
     edges, n = surface.edges, surface.n
     pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2
@@ -387,9 +388,9 @@ def with_ears_flipped(surface: Surface) -> Surface:
 
 
 def without_rim_slivers(surface: Surface) -> Surface:
-    """Return the surface without border faces whose height is below `TOLERANCE` times their border edge. Triangulations
-    of points near a border have such faces. Their normals are mere rounding errors, so the sheet seems to bend sharply.
-    The border then passes through the third corner, an inner vertex before."""
+    """Return the surface without border faces whose height is below `TOLERANCE` times their border edge.
+    The normals of such faces are mere rounding errors. The border then passes through the third corner, an inner
+    vertex before."""
     V, F, edges = surface.V, surface.F, surface.edges
     bare = edges.boundary[edges.of].reshape(-1, 3)
     side = bare.argmax(axis=1)  # the border edge starts at corner `side`

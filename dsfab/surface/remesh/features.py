@@ -11,10 +11,10 @@ from dsfab.surface.edge_changes import CREASE, border_edges, sharp_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-TOLERANCE = 1 / 50  # Largest distance of new boundaries and creases from the old ones, in edge lengths.
-CORNER = 30.0  # Degrees. A vertex is a corner if a curve bends there by at least this angle.
-DULL = 0.6 * CREASE  # Degrees. A short crease is noise if the mean normals on its two sides differ by less.
-FINE = 1 / 80  # The mean edge of a scan is shorter than this fraction of its box's diagonal.
+TOLERANCE = 1 / 50  # Largest move of boundaries and creases, in edge lengths.
+CORNER = 30.0  # Least bend of a curve at a corner, degrees.
+DULL = 0.6 * CREASE  # Least angle between the mean normals on the two sides of a short crease, degrees.
+FINE = 1 / 80  # Largest mean edge of a scan, divided by its box's diagonal.
 
 
 class SmoothVertices(NamedTuple):
@@ -41,9 +41,9 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 
 def design_features(surface: Surface, edge: float) -> Bools:
-    """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise. A crease is
-    slight if the mean normals on its two sides differ by less than `DULL`. The means cover a width of `edge`, metres,
-    or of two mean edges in a scan. Slight creases longer than twice this width stay, as steps of the design."""
+    """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise.
+    A crease is slight if the mean normals on its two sides differ by less than `DULL`. The means cover a width of
+    `edge`, metres, or of two mean edges in a scan. A crease is short if its length is below two such widths."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)
@@ -84,8 +84,10 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
 @dataclass(frozen=True, eq=False)
 class FeatureCurves:
     """The boundaries and creases of a surface: curves between corners, one after another on an axis of arc length.
-    points : (p, 3) the vertices of all curves in their order, metres.   at : (p,) their positions on the axis, metres.
-    curve  : (p,) the curve of each point.   vertex : (p,) the vertex of the surface at each point.
+    points : (p, 3) the vertices of all curves in their order, metres.
+    at     : (p,) position of each point on the axis, metres.
+    curve  : (p,) the curve of each point.
+    vertex : (p,) the vertex of the surface at each point.
     fixed  : (q,) vertices of the surface that stay: corners, and the extremes of its box."""
 
     points: Floats
@@ -120,8 +122,8 @@ class FeatureCurves:
 
 
 def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
-    """Return the boundaries, the creases and the seams of a one-sided surface, for edges of `edge` metres. Fixed
-    vertices are ends and branches of curves, sharp bends, and the extremes of the surface in x, y or z."""
+    """Return the boundaries, the creases and the seams of a one-sided surface, for edges of `edge` metres.
+    Fixed vertices are ends and branches of curves, sharp bends, and the extremes of the surface in x, y or z."""
     ends = surface.edges.ends[design_features(surface, edge)]
     extremes = np.concatenate([surface.V.argmin(axis=0), surface.V.argmax(axis=0), surface.pinches])
     corners = np.zeros(surface.n, dtype=bool)

@@ -15,10 +15,10 @@ from dsfab.surface.remesh.features import TOLERANCE, design_features
 from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
 from dsfab.surface.topology import euler_characteristic, half_edges, link_components, misoriented_edges, pieces
 
-LARGEST_GROUP = 240  # Largest number of elements of a symmetry group; the group of the icosahedron has half as many.
+LARGEST_GROUP = 240  # Largest number of elements of a symmetry group.
 MATRIX_TOLERANCE = 1e-6  # Entries of matrices count as equal if they differ by less.
-INERTIA_TOLERANCE = 1e-2  # Moments of inertia are equal if they differ by less than this share of the largest.
-FAR_TOLERANCE = 1e-3  # Distances of points are equal if they differ by less than this share of the surface's size.
+INERTIA_TOLERANCE = 1e-2  # Largest difference of equal moments of inertia, divided by the largest moment.
+FAR_TOLERANCE = 1e-3  # Largest difference of equal distances, divided by the surface's size.
 
 
 def mirror(normal: Floats) -> Floats:
@@ -44,7 +44,7 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
     """Return unit vectors (k, 3) from the origin to the farthest of the points x (n, 3).
-    count : smallest number of points; all points at the distance of the last point are included."""
+    count : least number of points; points as far as the last of them are added."""
     distance = lengths(x)
     farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
@@ -76,16 +76,17 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, divided by the edge length; files round coordinates.
-ROUND_ANGLES = (0.7, 1.9)  # Radians. A surface is round if it also has mirrors at these angles to the first mirror.
-MOST_SIDES = 16  # Largest number of mirrored sectors around an axis; a surface with more sectors gets two mirrors.
+IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, divided by the edge length.
+ROUND_ANGLES = (0.7, 1.9)  # Angles between the mirrors that test if a surface is round, radians.
+MOST_SIDES = 16  # Most mirrored sectors around an axis; a surface with more gets two mirrors.
 
 
 @dataclass(frozen=True, eq=False)
 class Mirrors:
     """A group of mirrors through the middle of a surface.
     centre  : (3,) point in the planes of all mirrors, metres.
-    normals : (k, 3) unit normals of all mirrors.    group : (g, 3, 3) mirrors and rotations, the identity first."""
+    normals : (k, 3) unit normals of all mirrors.
+    group   : (g, 3, 3) mirrors and rotations, the identity first."""
 
     centre: Floats
     normals: Floats
@@ -93,7 +94,7 @@ class Mirrors:
 
     @classmethod
     def from_surface(cls, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Self | None:
-        """Return the mirrors of a surface; None if it has none, or if it is not oriented.
+        """Return the mirrors of a surface; None if it has no mirrors, or if it is not oriented.
         edge   : edge length of the new mesh, metres; `IMAGE_TOLERANCE` refers to it.
         smooth : true to compare the smooth surface through the vertices, false to compare the facets."""
         if len(misoriented_edges(nearest_on.surface.F, nearest_on.surface.edges)):
@@ -219,7 +220,7 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # Tolerance, in edge lengths, for vertices on mirror planes and for images at one place.
+PLANE_TOLERANCE = 1e-3  # Tolerance for vertices on mirror planes and for equal images, in edge lengths.
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,8 +262,10 @@ class Chamber:
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the index (n,) in V of each
-        vertex's original. None if the topology or the length of the boundary would change."""
+        """Return the whole surface from new vertices V (p, 3) and faces F of one side; None if the topology would
+        change.
+        Return also the index (n,) in V of each vertex's original. None also if the length of the boundary would change.
+        """
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]

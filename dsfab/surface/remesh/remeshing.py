@@ -33,7 +33,7 @@ from dsfab.surface.remesh.smoothing import (
 )
 from dsfab.surface.topology import duplicate_faces, named_edges
 
-SHARP_ANGLE = 20.0  # Degrees. If a mirrored mesh has a smaller angle, a mesh of the whole surface may replace it.
+SHARP_ANGLE = 20.0  # Smallest angle of a mirrored mesh that is never replaced, degrees.
 
 
 def remeshed_surface(
@@ -41,21 +41,21 @@ def remeshed_surface(
 ) -> Surface:
     """Return the surface with nearly equilateral triangles whose edges are about `edge` metres long.
 
-    finest : metres. Edges are shorter on curved parts, so that the normal rotates by 15 degrees along an edge, but they
-             are at least this long; 0 disables this.
-    smooth : true if new vertices are on the smooth surface through the old vertices [Vlachos et al. 2001], false if
-             they are on its facets.
-    sizes  : wanted edge lengths, metres, at the vertices of meshes of this surface; the shortest length counts.
+    finest : least edge length on curved parts, metres; 0 for no shorter edges on curved parts.
+    smooth : true for new vertices on the smooth surface through the old vertices, false for new vertices on its facets.
+    sizes  : wanted edge lengths at the vertices of meshes of this surface, metres; the shortest length counts.
 
-    Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`; their corners do not move.
-    The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change. Creases that
-    slivers and noise cause are removed (`design_features`), and so are ears (`with_ears_flipped`) and slivers at the
-    border (`without_rim_slivers`). Edges are shorter if these limits require it, and between close curves. Equal
-    surfaces give equal meshes. Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an
-    exactly symmetric mesh, whose bounding box is exact to a fiftieth of `edge`.
+    - Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`. Their corners do not move.
+    - The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change.
+    - Creases from slivers and noise, ears, and slivers at the border are removed.
+    - Edges are shorter between close curves. With `finest`, normals rotate by about 15 degrees along an edge.
+    - Equal surfaces give equal meshes.
+    - Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an exactly symmetric mesh.
+      The bounding box of this mesh is exact to a fiftieth of `edge`.
 
-    Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `MOST_FACES` triangles.
-    Also raises it for repeated faces, and for edges of more than two faces."""
+    See `design_features`, `with_ears_flipped`, `without_rim_slivers` and [Vlachos et al. 2001]. Raises SurfaceError for
+    - invalid lengths, and edges that are longer than the surface or need over `MOST_FACES` triangles;
+    - repeated faces, and edges of more than two faces."""
     _check(surface, edge, finest)
     mirrored = not sizes  # sizes may differ between mirrored sides
     if finest:
@@ -83,7 +83,7 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
     piece = chamber.piece if chamber else None
-    # a side with fewer than 100 triangles has mostly fixed edges, so its triangles would be uneven
+    # a side with fewer than 100 triangles would have uneven triangles
     if chamber is None or piece is None or piece.area < 100 * np.sqrt(3) / 4 * edge**2:
         return None
     net = _net(NearestOnSurface(piece), sizes, edge)
@@ -105,8 +105,9 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
 
 
 def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
-    """Return places (n, 3) of a net's vertices on the nearest boundaries, creases and corners. If `smooth` is false,
-    all other vertices move onto the facets. Copied vertices need this, because they lie slightly beside the curves."""
+    """Return places (n, 3) of a net's vertices on the nearest boundaries, creases and corners.
+    Copied vertices may lie slightly beside these curves. If `smooth` is false, all other vertices move onto the facets.
+    """
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)

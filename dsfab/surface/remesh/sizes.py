@@ -13,7 +13,7 @@ from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import adjacency
 
-TURN_PER_EDGE = 15.0  # Degrees. If the normal rotates by more along an edge, the edge should be shorter.
+TURN_PER_EDGE = 15.0  # Largest wanted rotation of the normal along an edge, degrees.
 CHANGE_PER_EDGE = 0.25  # Largest change of a field along an edge, divided by the field's root mean square.
 
 
@@ -25,9 +25,9 @@ class SizeField(NamedTuple):
 
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
-    """Return edge lengths (n,), metres, from `finest` to `edge`, along which the normal rotates by `TURN_PER_EDGE`. The
-    largest eigenvalue of the curvature tensor counts. The tensor sums the angles between faces, without creases, around
-    a vertex and its neighbours [Cohen-Steiner and Morvan 2003]."""
+    """Return edge lengths (n,), metres, from `finest` to `edge`, along which the normal rotates by `TURN_PER_EDGE`.
+    The largest eigenvalue of the curvature tensor counts. The tensor sums the angles between faces around a vertex and
+    its neighbours, without creases [Cohen-Steiner and Morvan 2003]."""
     two = surface.edges.count == 2
     shared = np.flatnonzero(two)[~feature_edges(surface)[two]]
     ends = surface.edges.ends[shared]
@@ -41,9 +41,10 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
 def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) -> Floats:
     """Return edge lengths (n,), metres, from `finest` to `edge`, along which a field changes by `CHANGE_PER_EDGE`.
     field : (m, 3, 3) tensors in the planes of the faces.
-    Each vertex gets the mean tensor of its faces [Zienkiewicz and Zhu 1987]. The slope of an edge is the difference of
-    its ends' tensors, rotated into one plane, divided by its length. The squared gradient at a vertex is twice the mean
-    squared slope of the edges around it."""
+
+    1. Each vertex gets the mean tensor of its faces [Zienkiewicz and Zhu 1987].
+    2. The slope of an edge is the difference of its ends' tensors, rotated into one plane, divided by its length.
+    3. The squared gradient at a vertex is twice the mean squared slope of the edges around it."""
     vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
     slope = ((_transported_tensors(vertex_tensors[b], normal[b], normal[a]) - vertex_tensors[a]) ** 2).sum(axis=(1, 2))
@@ -88,14 +89,16 @@ def _bends(surface: Surface, shared: Ints) -> Floats:
     return np.asarray(np.where(np.einsum("ei,ei->e", a, across) < 0, angle, -angle))
 
 
-GRADE = 0.3  # Largest growth of the wanted length per metre, so that adjacent edges differ by a factor below 1.3.
-LEAST = 1 / 20  # Smallest wanted length at bends and narrow places, as a fraction of the general edge length.
+GRADE = 0.3  # Largest growth of the wanted edge length per metre.
+LEAST = 1 / 20  # Least wanted length at bends and narrow places, divided by the general edge length.
 CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of a curve's chords, as fractions of the general edge length.
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with graded wanted edge lengths, metres: at most `base`, (n,) or a number. The lengths are smaller
-    at bends of curves, where they follow the chord lengths `chords` (p,), and in narrow places."""
+    """Return the net with graded wanted edge lengths, metres.
+    base   : (n,) or a number, largest lengths, metres.
+    chords : (p,) largest chord lengths at points of the curves, metres.
+    Lengths are smaller at bends of curves, because of `chords`, and at narrow places."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge
@@ -124,8 +127,7 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
     """Return lists of vertices (k,) at narrow places, the width (k,) of the surface there, metres, and its slope (k,).
-    The width is the length of an edge between two curves or corners, or the height of a face between two curves. A face
-    in the angle of a corner does not count, because it is narrow at any edge length. `_slopes` defines the slope."""
+    The width is that of an edge or face between two curves. Faces in the angle of a corner do not count."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -150,9 +152,8 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
-    """Return the slopes (k,) at which pairs of curves diverge from their common corner; 0 without a common corner. The
-    slope is the width (k,) between two vertices, metres, divided by their distance from the corner along the curves.
-    Near the corner, the slope keeps edges from becoming shorter without end."""
+    """Return the slopes (k,) at which pairs of curves diverge from their common corner; 0 without a common corner.
+    The slope is the width (k,) between two vertices, metres, divided by their distance from the corner."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):
@@ -164,8 +165,8 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
-    """Return the corners (n, 2) at the two ends of each vertex's curve, -1 without a curve, and their distances (n, 2)
-    along the curve, metres. At a corner both entries are the corner itself."""
+    """Return the corners (n, 2) at the two ends of each vertex's curve, -1 without a curve.
+    Return also the distances (n, 2) from the corners along the curve, metres."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):
@@ -177,8 +178,8 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
-    """Return the length (p,), at most `edge`, of the longest chord around each point of the curves, metres. Its
-    distance from the curve is at most 80 % of the tolerance."""
+    """Return the length (p,), at most `edge`, of the longest chord around each point of the curves, metres.
+    The distance of the chord from the curve is at most 80 % of the tolerance."""
     longest = np.full(len(curves.at), edge * CHORD_SHARES[-1])
     open_ = np.arange(len(curves.at))
     is_last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)

@@ -18,8 +18,8 @@ CORNERS = ((0, 1), (1, 2), (2, 0))  # First and second corner of each half-edge 
 
 
 class SmoothPatches:
-    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001]. A vertex on a crease has a normal
-    for each side. At boundaries and creases patches follow the straight edges, so that curves stay in place."""
+    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001].
+    A vertex on a crease has a normal for each side. At boundaries and creases, patches follow the straight edges."""
 
     def __init__(self, surface: Surface) -> None:
         self._V, self._F = surface.V, surface.F
@@ -50,8 +50,9 @@ def barycentric(P: Floats, place: Floats) -> Floats:
 
 
 def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
-    """Return two control points of each edge (m, 6, 3) of triangles P (m, 3, 3). Points at thirds of the edge are moved
-    into the tangent planes at its ends, with normals (m, 3, 3). On `straight` edges (m, 3) they stay on the edge."""
+    """Return two control points of each edge (m, 6, 3) of triangles P (m, 3, 3), moved into the tangent planes.
+    normals  : (m, 3, 3) normals of the tangent planes at the corners.
+    straight : (m, 3) marks of edges whose control points stay on the edge."""
     controls = np.empty((len(P), 6, 3))
     for k, ends in enumerate(CORNERS):
         for end, (i, j) in enumerate((ends, ends[::-1])):
@@ -62,8 +63,8 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return unit normals (m, 3 corners, 3): means of the face normals around a vertex, weighted by angle. Faces on the
-    other side of a feature edge, marked in (e,), do not count."""
+    """Return unit normals (m, 3 corners, 3): means of the face normals around a vertex, weighted by angle.
+    Faces behind a feature edge, marked in `features` (e,), do not count."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -92,8 +93,9 @@ class NearestOnSurface:
 
 
 def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Move free vertices in their tangent planes to weighted means of the centres of their faces. Move curve vertices
-    to even steps along their curves. The weight of a face is its area divided by its squared wanted edge length."""
+    """Move free vertices in their tangent planes to weighted means of the centres of their faces.
+    The weight of a face is its area divided by its squared wanted edge length. Curve vertices move to even steps along
+    their curves."""
     V, F, n = net.V, net.F, net.n
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2

@@ -1,8 +1,8 @@
 """Surfaces by formula: shapes with exact results for tests, and models that resemble those of the paper.
 
-`SHAPES` lists the shapes by name. All are deterministic, in metres with z up and normals up or outward.
-Triangles are nearly equilateral and about `edge` metres wide. They form staggered rows, rings or a subdivided
-icosahedron. They do not form a grid, because stripes would follow its parallel diagonals."""
+`SHAPES` lists the shapes by name. All shapes are deterministic, in metres with z up and normals up or outward.
+Triangles are nearly equilateral and about `edge` metres wide. They form no grid, because stripes would follow its
+parallel diagonals."""
 
 from collections.abc import Callable
 

@@ -25,7 +25,7 @@ from dsfab.surface.shapes.implicit import (
 )
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
-NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the coordinates of the model.
+NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the model's unit.
 MOUTH, HOLLOW = 0.017, 0.034  # Largest edge lengths at which the camel has a mouth, and hollow ears.
 
 
@@ -40,9 +40,9 @@ def _above_ground(field: Field, k: float) -> Field:
 
 @shape
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
-    """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0. With edges
-    too long for these details, the shape has no mouth, no nostrils, and thicker ears that are not hollow.
-    height : from the boundary to about the tips of the ears, metres."""
+    """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0.
+    With long edges, the shape has no mouth and no nostrils, and its ears are thicker and not hollow.
+    height : height from the boundary to about the tips of the ears, metres."""
     neck = limb([(-0.26, 0, -0.15), (-0.25, 0, 0.06), (-0.17, 0, 0.3), (-0.09, 0, 0.55), (-0.05, 0, 0.74)],
         [0.165, 0.155, 0.135, 0.12, 0.11], 0.1)  # fmt: skip
     skull = ellipsoid((0.02, 0, 0.79), (0.17, 0.115, 0.105))
@@ -83,8 +83,9 @@ def _ear(wide: float) -> Field:
 
 @shape
 def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
-    """A swimming ring with the head and the tail of a duck, genus 1, looking towards -x; y is up. The shape resembles
-    Bob of Keenan Crane's 3D Model Repository. length : from beak to tail, metres; by default Bob's length."""
+    """A swimming ring with the head and the tail of a duck, genus 1, looking towards -x; y is up.
+    The shape resembles Bob of Keenan Crane's 3D Model Repository.
+    length : length from beak to tail, metres; by default Bob's length."""
 
     def ring(P: Floats) -> Floats:
         x, y, z = P.T
@@ -214,7 +215,8 @@ OPENINGS = (0.22, 0.5, 0.78)  # Heights of the tower's openings, as shares of it
 @shape
 def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13, edge: Length = 0.5) -> Surface:
     """A deck on an arch with a wall between them, genus 0: along x, as wide as a road, abutments down to z = 0.
-    span : length of the deck, metres.    rise : rise of the arch's underside, divided by the span."""
+    span : length of the deck, metres.
+    rise : rise of the arch's underside, divided by the span."""
     crown = rise + 0.075
 
     def deck(P: Floats) -> Floats:
@@ -279,9 +281,8 @@ LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of the lowest points and of the pea
 @shape
 def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
     """The parametrisation of Bryant and Kusner [Kusner 1987] over the unit disc, its peak up, standing on z = 0.
-    Opposite points of the unit circle have the same image. With these points joined, the surface would be closed and
-    one-sided. It stays open along that seam, so it is a disc with two sides. It crosses itself, as the projective plane
-    must: three sheets meet in a triple point, and no solid of constant thickness exists around this point."""
+    Opposite points of the unit circle have the same image but stay separate, so that the surface is a disc with two
+    sides. Three sheets meet in a triple point. No solid of constant thickness exists there."""
     check_density(4 * height**2, edge)
     chart = _Disc(height)
     rows = 24

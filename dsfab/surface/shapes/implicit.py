@@ -23,9 +23,9 @@ from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5  # Edges over 4/3 of the wanted length are halved, edges under 4/5 collapse.
-ROUNDS, POLISH = 5, 10  # Numbers of rounds that change the number of vertices, and of later rounds of flips and moves.
+ROUNDS, POLISH = 5, 10  # Numbers of rounds with changes of vertices, and of later rounds of flips and moves.
 LEAST_TURN_COSINE = 0.3  # Cosine of the largest rotation of a face in one step, about 70 degrees.
-FOLDED = -0.5  # Two faces form a fold if the cosine of the angle between their normals is lower (120 degrees).
+FOLDED = -0.5  # Largest cosine of the angle between the normals of two faces in a fold (120 degrees).
 
 
 class MeshChart(Protocol):
@@ -43,8 +43,9 @@ class MeshChart(Protocol):
 
 def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Ints]:
     """Return vertices (n, 3) and faces of nearly equilateral triangles, about `edge` metres wide, on a chart's surface.
-    X, F : any oriented manifold mesh of the surface, in the chart's coordinates; its genus and its boundaries stay.
-    Raises SurfaceError if the edge is longer than details of the surface: the mesh has gaps, folds or other faults."""
+    X : (k, c) vertices of any oriented manifold mesh of the surface, in the chart's coordinates.
+    F : (m, 3) faces of this mesh; its genus and its boundaries stay.
+    Raises SurfaceError if the edge is longer than details of the surface."""
     for round_ in range(ROUNDS):
         before = len(F)
         X, F = _split(chart, X, F, LONGEST * edge)
@@ -66,7 +67,7 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
 
 
 def _too_long(why: str) -> SurfaceError:
-    # the message omits the length, because dsfab models shapes at size 1 and scales them later
+    # the message omits the length, because shapes are scaled later
     return SurfaceError(f"the edge is too long for the shape's details ({why}); use a shorter edge")
 
 
@@ -186,7 +187,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
 
 Field = Callable[[Floats], Floats]  # Points (q, 3) -> approximate distances (q,) from a solid, m, negative inside.
 Point = Sequence[float] | Floats
-EDGE_CORRECTION = 0.9  # Factor on the wanted edge length, because remeshing makes edges too long on average.
+EDGE_CORRECTION = 0.9  # Factor on the wanted edge length, because remeshing makes edges too long.
 
 
 def _norm(Q: Floats) -> Floats:
@@ -213,7 +214,7 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
     """Return the field of a tube with round ends along a polyline; its radius is linear between the corners.
-    soft : width of the fillets at its joints, divided by the smallest radius."""
+    soft : width of the fillets at the tube's joints, divided by the smallest radius."""
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
     return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
 
@@ -234,7 +235,8 @@ def _cone(a: Point, b: Point, at_a: float, at_b: float) -> Field:
 
 def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | None = None) -> Field:
     """Return the field of a rounded box; lengths in metres.
-    halves : half of each side, roundings included.    axes : (3, 3) directions of the sides, in rows."""
+    halves : half of each side, roundings included.
+    axes   : (3, 3) directions of the sides, in rows."""
     c, h, R = np.array(centre), np.array(halves) - rounding, np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:
@@ -310,8 +312,9 @@ class LevelSet:
 def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None = None) -> Surface:
     """Return the zero set of a field, in even triangles about `edge` metres wide, normals outward.
     low, high : corners of a box around the solid, metres.
-    floor     : height of a plane that cuts the solid, metres; the surface is open there. None for a closed surface.
-    Raises SurfaceError for an edge so long that details are lost, or so short that the mesh would be too large."""
+    floor     : height of a plane that cuts the solid, metres; None for a closed surface. The surface is open at the
+                plane.
+    Raises SurfaceError for a length of edges that loses details, or that makes the mesh too large."""
     bottom, top = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
     if floor is not None:
         bottom[2] = floor

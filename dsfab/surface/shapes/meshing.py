@@ -103,8 +103,9 @@ def ring_turns(counts: Ints) -> list[Floats]:
 
 def ring_faces(turns: list[Floats], closed: bool = False) -> Ints:
     """Return faces (m, 3) between rings of vertices at angles (k,), in full turns; a ring of one vertex is a pole.
-    Each face joins an edge of a ring to the vertex of the neighbouring ring nearest to the edge's middle. Faces are
-    counter-clockwise if later rings lie outside. closed: join the last ring to the first."""
+    Each face joins an edge of a ring to the nearest vertex of the neighbouring ring. Faces are counter-clockwise if
+    later rings lie outside.
+    closed : true to join the last ring to the first."""
     start = np.cumsum([0] + [len(t) for t in turns])
     pairs = [(j, j + 1) for j in range(len(turns) - 1)] + ([(len(turns) - 1, 0)] if closed else [])
     return np.concatenate([_band_faces(turns[a], start[a], turns[b], start[b]) for a, b in pairs])

@@ -15,7 +15,7 @@ from dsfab.surface.shapes.meshing import ROW, Length, check_density, pieces_of, 
 @shape
 def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Surface:
     """A flat rectangle, length along x and width along y, centred on the origin at z = 0, of area length x width.
-    Staggered rows of nearly equilateral triangles with half triangles at the two short sides; symmetric in x and y."""
+    Staggered rows of nearly equilateral triangles, symmetric in x and y."""
     check_density(length * width, edge)
     uv, F = staggered_rows(pieces_of(length, edge), pieces_of(width, ROW * edge, multiple=2, least=2))
     x, y = (uv - 0.5).T * [[length], [width]]
@@ -25,7 +25,7 @@ def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Sur
 @shape
 def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, edge: Length = 0.22) -> Surface:
     """A vault of circular section: length along x, span along y, supports at z = 0, height `rise` at the crown.
-    Its area is length x radius x opening angle, for radius = (span^2 / 4 + rise^2) / (2 rise)."""
+    Area: length x radius x opening angle, for radius = (span^2 / 4 + rise^2) / (2 rise)."""
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     half = np.arctan2(span / 2, radius - rise)
     check_density(2 * half * radius * length, edge)
@@ -39,7 +39,7 @@ def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, 
 @shape
 def hypar(side: Length = 8.0, rise: Length = 3.0, edge: Length = 0.22) -> Surface:
     """A hyperbolic paraboloid over a square: two opposite corners at z = 0, the other two corners at z = rise.
-    z = rise (1/2 + 2 x y / side^2): both sets of rulings are straight."""
+    Equation: z = rise (1/2 + 2 x y / side^2), with two sets of straight rulings."""
     if rise > 4 * side:
         raise SurfaceError(f"hypar: rise = {rise:g} m is more than four times its side of {side:g} m; use a lower rise")
     check_density(side**2 * (1 + rise / side), edge)
@@ -55,9 +55,10 @@ def elliptic_paraboloid(
     """A parabola moved along a second parabola, over a rectangle: length along x, width along y, corners at z = 0.
 
     rise  : height of the middle.
-    crown : height of the middles of the two long sides; the middles of the short sides are at rise - crown.
+    crown : height of the middles of the two long sides. The middles of the short sides are at rise - crown.
+    edge  : length of edges at the middle.
 
-    z = rise - crown (2 x / length)^2 - (rise - crown) (2 y / width)^2. `edge` is the length at the middle."""
+    Equation: z = rise - crown (2 x / length)^2 - (rise - crown) (2 y / width)^2."""
     if crown >= rise:
         raise SurfaceError(
             f"elliptic_paraboloid: crown = {crown:g} m, the height of the long sides, must be less than "
@@ -81,8 +82,7 @@ def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: flo
     rim    : (k, 2) points along the boundary, about `edge` apart; they stay in place and come first.
     inside : function that returns which points (q, 2) are inside by at least a distance.
 
-    Method: Delaunay triangles of the rim and a hexagonal lattice, without smoothing. On nine pavilions, 5 and 40
-    rounds of Laplacian smoothing reduced the smallest angle."""
+    Method: Delaunay triangles of the rim and a hexagonal lattice. Smoothing would reduce the smallest angle."""
     from scipy.spatial import Delaunay  # imported here, because the import takes a tenth of a second
 
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
@@ -93,7 +93,7 @@ def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: flo
     u, v = P[F[:, 1]] - P[F[:, 0]], P[F[:, 2]] - P[F[:, 0]]
     twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     F = np.where((twice < 0)[:, None], F[:, ::-1], F)
-    # Delaunay triangles fill the convex hull, and some along straight parts of the rim are very flat
+    # Delaunay triangles fill the convex hull; some are very flat
     return P, np.asarray(F[inside(P[F].mean(axis=1), 0.0) & (np.abs(twice) > 1e-3 * edge**2)])
 
 
@@ -113,8 +113,8 @@ def pavilion(
     opening : height of the arches between the feet at their middle.
     foot    : width of each foot along the circle.
 
-    The sphere goes through crown and feet; a plane cuts it at each arch. The mesh is created in the stereographic
-    plane, which preserves angles and shows every arch as a circle. It is symmetric about every foot. Normals up."""
+    The sphere goes through crown and feet; a plane cuts it at each arch. The shell is symmetric about every foot, with
+    normals up. The mesh is created in the stereographic plane, which preserves angles and circles."""
     _check(span, rise, opening, feet, foot)
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     check_density(2 * np.pi * radius * rise, edge)
@@ -149,7 +149,7 @@ class _Wedge:
 
     def __init__(self, half: float, half_foot: float, ground: float, top: float, edge: float) -> None:
         self.half, self.half_foot, self.ground, self.edge = half, half_foot, ground, edge
-        # the circle goes through the foot's end, its mirror image, and the top; the centre is at angle `half`
+        # the circle goes through the foot's end, its mirror image, and the top
         across, along = ground * np.sin(half - half_foot), ground * np.cos(half - half_foot)
         dip = along - top
         if abs(dip) < 1e-3 * ground:  # bend a nearly straight arch a little

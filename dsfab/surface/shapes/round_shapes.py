@@ -22,8 +22,8 @@ def cylinder(radius: Length = 2.0, height: Length = 6.0, edge: Length = 0.2) -> 
 @shape
 def dome(span: Length = 10.0, rise: Length = 3.0, oculus: Annotated[float, Ge(0)] = 0.0, edge: Length = 0.2) -> Surface:
     """A spherical cap: `span` across at z = 0, `rise` at the crown, with an opening of radius `oculus`, 0 for none.
-    Area 2 pi R h for R = (span^2 / 4 + rise^2) / (2 rise), with h the height from springing to oculus. A rise of half
-    the span is a hemisphere; a larger rise bulges."""
+    Area: 2 pi R h for R = (span^2 / 4 + rise^2) / (2 rise), with h the height from springing to oculus. A dome with a
+    rise of half the span is a hemisphere."""
     if oculus > 0.45 * span:
         raise SurfaceError(f"dome: oculus = {oculus:g} m is too wide; use less than 0.45 x span")
     radius = (span**2 / 4 + rise**2) / (2 * rise)
@@ -39,9 +39,9 @@ def dome(span: Length = 10.0, rise: Length = 3.0, oculus: Annotated[float, Ge(0)
 
 @shape
 def catenoid(waist: Length = 1.5, rim: Length = 6.0, edge: Length = 0.2) -> Surface:
-    """A trumpet canopy on a waist: the catenoid r = a cosh(z / a), the minimal surface of revolution.
-    It rises upright from a ring of radius a = waist at z = 0 and flares to radius `rim` at the height
-    a arccosh(rim / a); normals up. Area pi a (z + a/2 sinh(2 z / a)) at that height z."""
+    """A trumpet canopy on a waist: the catenoid r = a cosh(z / a), the minimal surface of revolution, normals up.
+    It begins upright at z = 0 with radius a = waist. It ends with radius `rim` at the height h = a arccosh(rim / a).
+    Area: pi a (h + a/2 sinh(2 h / a))."""
     if rim < 1.05 * waist:
         raise SurfaceError(f"catenoid: rim = {rim:g} m must be wider than 1.05 x waist = {waist:g} m")
     height = waist * np.arccosh(rim / waist)
@@ -62,8 +62,9 @@ def tower(
     edge: Length = 0.6,
 ) -> Surface:
     """A twisting tube with a rounded square plan, standing on z = 0, open at foot and top, normals outward.
-    width      : width of the plan at the foot; the width at the top is `taper` times this width.
-    twist      : degrees by which the plan has turned at the top.
+    width      : width of the plan at the foot.
+    taper      : width of the plan at the top, divided by `width`.
+    twist      : rotation of the plan from foot to top, degrees.
     squareness : exponent p of the plan |x|^p + |y|^p = 1: 2 is a circle, 4 a rounded square."""
     x, y, around = _superellipse(squareness)
     check_density(0.5 * (1 + taper) * around * width / 2 * height, edge)
@@ -93,8 +94,8 @@ def _superellipse(p: float) -> tuple[Floats, Floats, float]:
 
 def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surface:
     """Return the surface of revolution of a profile of radii r (k,) and heights z (k,), metres, with a ring per point.
-    Radius 0 is a pole. Each ring has a multiple of six vertices about `edge` apart. A profile away from the axis has
-    normals up. `outward` flips the normals, so that they point away from the axis of a rising tube."""
+    Radius 0 is a pole. Each ring has a multiple of six vertices, about `edge` apart.
+    outward : false for normals up on a profile away from the axis, true to flip them, as for a rising tube."""
     counts: Ints = np.array([pieces_of(2 * np.pi * x, edge, multiple=6, least=6) if x else 1 for x in r])
     turns = ring_turns(counts)
     angle = 2 * np.pi * np.concatenate(turns)
@@ -106,8 +107,9 @@ def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = Fal
 
 @shape
 def sphere(radius: Length = 2.0, edge: Length = 0.2) -> Surface:
-    """A sphere around the origin: an icosahedron with every edge divided in f parts, projected onto the sphere. Class I
-    subdivision [Clinton 1971] of any frequency f: 10 f^2 + 2 vertices, 20 f^2 faces. A vertex is at each pole."""
+    """A sphere around the origin: an icosahedron with every edge divided in f parts, projected onto the sphere.
+    Class I subdivision [Clinton 1971] of any frequency f: 10 f^2 + 2 vertices, 20 f^2 faces. A vertex is at each pole.
+    """
     area = 4 * np.pi * radius**2
     check_density(area, edge)
     corners, faces = _icosahedron()
@@ -153,7 +155,7 @@ def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
 @shape
 def torus(major: Length = 3.0, minor: Length = 1.2, edge: Length = 0.22) -> Surface:
     """A ring around the z axis: tube of radius `minor` along a circle of radius `major`, normals outward.
-    Area 4 pi^2 major minor, volume 2 pi^2 major minor^2. Raises SurfaceError unless major > minor."""
+    Area: 4 pi^2 major minor. Volume: 2 pi^2 major minor^2. Raises SurfaceError unless major > minor."""
     if minor >= 0.95 * major:
         raise SurfaceError(f"torus: minor = {minor:g} m leaves no hole; use less than 0.95 x major = {major:g} m")
     check_density(4 * np.pi**2 * major * minor, edge)

@@ -46,7 +46,7 @@ class Base:
         return f"({x:.4g}, {y:.4g}, {z:.4g})"
 
 
-ROUND = 48  # Number of sides of the prisms for round holes and dowels; their area is 0.3 % smaller than the circle's.
+ROUND = 48  # Number of sides of the prisms for round holes and dowels.
 
 
 def positive(extra: object, *names: str) -> None:

@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Holes:
     """`kind = "holes"`: round holes through the solid.
-    at    : points on the middle of the sheet, metres.    diameter : metres.    axis : direction of the drill.
-    depth : metres, half of it on each side of the point, so that material behind stays whole."""
+    at       : points on the middle of the sheet, metres.
+    diameter : diameter of the holes, metres.
+    axis     : direction of the drill.
+    depth    : depth of the drilled hole, half of it on each side of the point, metres."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: tuple[Vector, ...]
@@ -45,7 +47,8 @@ class Holes:
 @dataclass(frozen=True)
 class Trim:
     """`kind = "trim"`: cut off material beyond a plane, or outside a box, or both.
-    point, normal : of the plane; material on the side of the normal is cut off.    low, high : corners of the box."""
+    point, normal : point (metres) and normal of the plane; material on the side of the normal is cut off.
+    low, high     : opposite corners of the box, metres."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     point: Vector | None = None
@@ -72,10 +75,11 @@ class Trim:
 @dataclass(frozen=True)
 class SplitBodies:
     """`kind = "split"`: cut the solid into parts that fit a machine, moved apart, with holes for dowels in the cuts.
-    bed         : largest size of a part along x, y, z, metres; parts have equal sizes along each axis.
-    apart       : distance (m) between the parts.
-    dowel, deep : diameter of the dowels, and their depth in each part, metres; 0 for no dowels. Every cut face gets a
-                  hole at its widest place, if the face there is at least twice as wide as the dowel."""
+    bed   : largest size of a part along x, y, z, metres; parts have equal sizes along each axis.
+    apart : distance between the parts, metres.
+    dowel : diameter of the dowels, metres; 0 for no dowels.
+    deep  : depth of the dowels in each part, metres.
+    Each cut face gets a hole at its widest place, if its width there is at least twice the dowel's diameter."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     bed: Vector

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Feet:
     """`kind = "feet"`: a vertical block (z) under each part of the sheet with picked vertices, united with the sheet.
-    at     : vertices that get feet.    height : depth of a block below the lowest picked vertex of its part, metres.
+    at     : picker of vertices that get feet.
+    height : depth of a block below the lowest picked vertex of its part, metres.
     margin : border of a block around the picked vertices, metres.
     sink   : height of a block above the lowest vertex, metres, so that block and sheet overlap."""
 
@@ -47,14 +48,15 @@ class Feet:
         return standing
 
 
-STRAIGHT = 1e-9  # A boundary vertex is not a bend if direction and normal change by less than this.
+STRAIGHT = 1e-9  # Largest change of direction and normal at a boundary vertex that is no bend.
 
 
 @dataclass(frozen=True)
 class Ring:
     """`kind = "ring"`: a beam along boundary loops of the uncut surface, united with the solid.
-    width  : metres, along the surface, half of it on each side of the boundary.    height : metres, across the surface.
-    at     : loops with a picked vertex get a beam; default: all loops."""
+    width  : width along the surface, half of it on each side of the boundary, metres.
+    height : height across the surface, metres.
+    at     : picker; loops with a picked vertex get a beam. By default, all loops do."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     width: Real
@@ -89,15 +91,14 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
         x, y, z = V[F[pairs[0]]].mean(axis=(0, 1)) if len(pairs) else V.mean(axis=0)
         raise SolidError(
             f"thickening.extra 'ring': a beam {width:.4g} x {height:.4g} m would cross itself near "
-            f"({x:.4g}, {y:.4g}, {z:.4g}) m, where the boundary bends; reduce its width, or smooth the boundary"
+            f"({x:.4g}, {y:.4g}, {z:.4g}) m, at a bend of the boundary; reduce the beam's width, or smooth the boundary"
         )
     return beam
 
 
 def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
     """Return points (k, 3) where a loop bends, and direction and normal (k, 3) of the sides that begin at these points.
-    The normal of a side is that of its face, on the side from which the surface lies left of the loop. On a one-sided
-    strip the loop runs along both edges of the strip, and the normal changes its side with the loop."""
+    Seen against a normal, the surface lies left of the loop. On a one-sided strip, the normal changes its side."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
     edge = np.searchsorted(edges.ends @ [surface.n, 1], ends @ [surface.n, 1])
@@ -115,10 +116,12 @@ def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
 
 def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
     """Return a closed bar: vertices (4 k, 3), faces (8 k, 3), counter-clockwise from outside.
-    P : (k, 3) corners of the centre line.    along, normal : (k, 3) unit vectors of the sides that begin there.
-    The bar's sections at corners lie in the bisecting planes, stretched so that the bar has a constant width."""
+    P      : (k, 3) corners of the centre line.
+    along  : (k, 3) unit directions of the sides that begin at these corners.
+    normal : (k, 3) unit normals of these sides.
+    The sections at corners lie in the bisecting planes, stretched so that the bar has a constant width."""
     before = np.roll(along, 1, axis=0)
-    sharpest = 0.2  # smallest cosine of half the angle at a bend; the mitre is then five bar widths long
+    sharpest = 0.2  # smallest cosine of half the angle at a bend (mitre of five bar widths)
     middle = before + along
     cosine = np.maximum(np.linalg.norm(middle, axis=1) / 2, sharpest)
     middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), sharpest)

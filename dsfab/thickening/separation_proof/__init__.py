@@ -1,9 +1,12 @@
 """Proof, without a test of pairs, that most of a thickened sheet cannot intersect itself.
 
-A grid of boxes divides the surface; a box and the boxes around it form its block. The axis of a box is the mean normal
-of its faces. The prisms of a box meet no other prisms under two conditions. First, all skin normals of the block are
-within 90 degrees of the axis. Second, the rim of the block runs outside the box's cylinder, and exactly once around it.
-Then projections of the prisms along the axis do not overlap."""
+A grid of boxes divides the surface. A box and the boxes around it form its block. The axis of a box is the mean normal
+of its faces. The prisms of a box meet no other prisms under two conditions:
+
+1. All skin normals of the block are within 90 degrees of the axis.
+2. The rim of the block runs outside the box's cylinder, and exactly once around it.
+
+Then the projections of the prisms along the axis do not overlap."""
 
 from dataclasses import dataclass
 
@@ -20,9 +23,11 @@ from dsfab.thickening.skin import is_fine, rounding_step
 @dataclass(frozen=True, eq=False)
 class OffsetLayer:
     """A thickened surface before void cells are removed.
-    uncut   : an edge-manifold surface, faces consistently oriented.    D : (n, 3) half-thickness vectors, metres.
-    cells   : all cells of the cut surface, material and void.    carried : (n', 3) interpolated half-thickness vectors.
-    parent  : (m',) the face of `uncut` that contains each cell.    side : as in `thicken`."""
+    uncut   : an edge-manifold surface, faces consistently oriented.
+    D       : (n, 3) half-thickness vectors of `uncut`, metres.
+    cells   : all cells of the cut surface, material and void.
+    carried : (n', 3) interpolated half-thickness vectors of `cells`, metres.
+    parent  : (m',) the face of `uncut` that contains each cell."""
 
     uncut: Surface
     D: Floats
@@ -43,10 +48,12 @@ REACH = 2  # Number of boxes on each side of a box that belong to its block.
 @dataclass(frozen=True, eq=False)
 class Boxes:
     """Boxes of the faces of a surface.
-    of   : (m,) number of the box of each face.    place : (k, 3) place of each box in the grid.
-    grid : number of the box at each place, -1 for boxes without faces, with a border of `REACH` empty boxes.
-    key  : (k,) place of each box in the flattened grid.    middle, axis : (k, 3) middle and mean normal of its faces.
-    radius : (k,) radius of a cylinder along the axis that contains all prisms of the box (m)."""
+    of     : (m,) number of the box of each face.
+    place  : (k, 3) place of each box in the grid.
+    radius : (k,) radius of a cylinder along the axis that contains all prisms of the box, metres.
+    middle, axis : (k, 3) middle (metres) and mean normal of the faces of each box.
+    grid   : number of the box at each place, -1 for boxes without faces, with a border of `REACH` empty boxes.
+    key    : (k,) place of each box in the flattened grid."""
 
     of: Ints
     place: Ints
@@ -101,8 +108,9 @@ Three = tuple[Floats, Floats, Floats]
 
 
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return a mask (m',) of the cells whose prisms may be folded, a cosine (k,) for each box, and the radius (m',) of
-    each prism about its middle, metres. The cosine is the smallest between the box's axis and its skin normals."""
+    """Return a mask (m',) of the cells whose prisms may be folded, a cosine (k,) for each box, and radii (m',), metres.
+    The cosine is the smallest between the box's axis and its skin normals. A radius is that of a prism about its
+    middle."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -122,8 +130,8 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
     """Return a mask (m,) of folded prisms, the least cosine (m,) between skin normals and an axis, and the radii (m,).
-    upper, lower : corners (3 xyz, 3 corners, m) with errors up to e. A determinant of three vectors up to r long has an
-    error of 3 r^2 e. The normal of a triangle with sides up to s has an error of 4 s e."""
+    upper, lower : (3 xyz, 3 corners, m) corners of the skins, with errors up to e.
+    Largest errors: 3 r^2 e of a determinant of vectors of length r, 4 s e of the normal of a triangle with sides s."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -219,8 +227,8 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
 
 def proven_cells(layer: OffsetLayer) -> Bools:
     """Return the cells (m',) whose prism surely meets no other prism, for any diagonals of its sides.
-    This applies to the exact vertices and to vertices in files of single precision (if `is_fine`). With more than 5 %
-    folded prisms the result is empty."""
+    The proof also holds for vertices in files of single precision (if `is_fine`). With more than 5 % folded prisms, no
+    cell is returned."""
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)

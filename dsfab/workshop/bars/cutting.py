@@ -17,7 +17,7 @@ from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole,
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
 """Bolt diameters from fold to first bolt, between bolts, and to the plate's end; the first row that fits is used."""
-LEG_NAME = "ground"  # name of a plate's leg; the other arms have the names of their bars
+LEG_NAME = "ground"  # name of a plate's leg among the arms
 
 
 @dataclass(frozen=True)
@@ -125,9 +125,10 @@ def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[Plat
 @dataclass(frozen=True)
 class PlateArm:
     """Arm of a flat node plate.
-    bar     : name of its bar.    azimuth, dip : direction of the bar, and angle of the fold (radians).
-    fold, end : distances from the node to the fold and to the end (m).    holes : distances from the node to holes (m).
-    after   : angle to the next arm (radians).    root : distance from the node to the beginning of the bar (m)."""
+    azimuth : direction of the bar, radians.
+    dip     : angle of the fold, radians.
+    after   : angle to the next arm, radians.
+    fold, holes, end, root : distances from the node to the fold, holes, end and beginning of the bar, metres."""
 
     bar: str
     azimuth: float

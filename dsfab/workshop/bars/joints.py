@@ -23,8 +23,8 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE, LEAST_BAR, Bay, Lattice, 
 from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
-FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope of a surface at which a support gets a leg
-LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: smallest one in bolt diameters, usual one in member widths
+FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope of a surface with legs at supports
+LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: least in bolt diameters, usual in member widths
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 """Anchor diameters from the fold to the first anchor, from there to the second, and from there to the leg's end."""
 
@@ -32,8 +32,9 @@ ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 @dataclass(frozen=True, eq=False)
 class Leg:
     """Leg of a node plate.
-    way : (3,) its unit direction in the plane of the plate.    anchor : diameter of its anchors (m).
-    fold : angle by which it is folded towards the normal of the plate (radians)."""
+    way    : (3,) unit direction of the leg in the plane of the plate.
+    fold   : angle by which the leg is folded towards the normal of the plate, radians.
+    anchor : diameter of the leg's anchors, metres."""
 
     way: Floats
     fold: float
@@ -55,8 +56,11 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Footing:
-    """Ground contact of a structure: its supports (q, 3) in metres, unit vector `up` (3,), and diameter of anchors (m).
-    reach : largest distance (m) from a node to its support; 0.75 of the widest member's width is added to it."""
+    """Ground contact of a structure.
+    supports : (q, 3) supported points, metres.
+    up       : (3,) unit vector.
+    reach    : largest distance from a node to its support, without 0.75 of the widest member's width, metres.
+    anchor   : diameter of the anchors, metres."""
 
     supports: Floats
     up: Floats
@@ -146,10 +150,10 @@ SQUARE_ANGLE = np.radians(70.0)
 @dataclass(frozen=True, eq=False)
 class BarEnd:
     """End of a bar.
-    node    : node number.    azimuth : radians counter-clockwise about the node's normal, from the node's first bar.
-    dip     : radians below the plane of the node.
-    root    : distance from the node to the beginning of the bar's line (m).
-    before, after : radians to the next bars, clockwise and counter-clockwise; 2 pi for a single bar."""
+    azimuth : angle about the node's normal, counter-clockwise from the node's first bar, radians.
+    dip     : angle below the plane of the node, radians.
+    before, after : angles to the next bars, clockwise and counter-clockwise, radians; 2 pi for a single bar.
+    root    : distance from the node to the beginning of the bar's line, metres."""
 
     node: int
     azimuth: float
@@ -162,8 +166,9 @@ class BarEnd:
 @dataclass(frozen=True, eq=False)
 class LatticeBar:
     """Straight bar of a bay.
-    points : (2, 3) both ends of the bar's line (m).    normals : (2, 3) normals of the bar at both ends.
-    sagitta : largest distance of the member's axis from the bar (m)."""
+    points  : (2, 3) both ends of the bar's line, metres.
+    normals : (2, 3) normals of the bar at both ends.
+    sagitta : largest distance of the member's axis from the bar, metres."""
 
     bay: Bay
     ends: tuple[BarEnd, BarEnd]
@@ -195,7 +200,8 @@ class LatticeBar:
 class Joint:
     """Node with its bars and its plate.
     bars : counter-clockwise pairs (bar number, end); end is 0 if the bar starts at this node, and 1 if it ends here.
-    half : half width of the plate's arms (m).    root : approximate distance from the node to the folds (m).
+    half : half width of the plate's arms, metres.
+    root : approximate distance from the node to the folds, metres.
     leg  : leg of the plate at a support."""
 
     node: LatticeNode
@@ -266,7 +272,7 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
     chord = P[bay_ends.node[bay_ends.opposite]] - P[bay_ends.node]
     level = _level_directions(chord, N[bay_ends.node])
-    # bars begin at a distance from their nodes, so they dip about 1.5 times as much as lines between the nodes
+    # bars dip about 1.5 times as much as lines between their nodes
     lean = 1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N)))
     orders = [_counter_clockwise(np.flatnonzero(bay_ends.node == k), level, N[k]) for k in range(len(P))]
     lengths = np.linalg.norm(chord, axis=1)
@@ -305,11 +311,10 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    """Return half the width of a node plate's arms, and the distance of their folds from the node (m). At right angles,
-    bars can begin at half of their width from the node. They begin farther away at sharper angles, and if they slope.
-    Short bars begin closer to the node and get mitres. Arms at sharp angles are narrower, but wide enough for bolts;
-    therefore their folds are farther out."""
-    notch = 0.9  # ratio of the distances from the node to the corner between arms, and to the bars
+    """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
+    At right angles, bars begin at half of their width from the node; at sharper angles they begin farther away. Arms
+    at sharp angles are narrower, but wide enough for bolts."""
+    notch = 0.9  # distance of the corner between arms from the node, divided by the distance of the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())

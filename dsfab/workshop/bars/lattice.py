@@ -14,16 +14,19 @@ from dsfab.surface import link_components
 from dsfab.workshop.development import PARALLEL_SHARE
 from dsfab.workshop.strips import STRIP_KINDS
 
-BAR_CLEARANCE = 0.25  # clearance between neighbouring bars, and from a plate's fold to a bar, in bolt diameters
-LEAST_BAR = 4.0  # shortest bar on a plate, in bolt diameters: two on each side of its only bolt
+BAR_CLEARANCE = 0.25  # clearance between bars, and from a plate's fold to a bar, in bolt diameters
+LEAST_BAR = 4.0  # length of the shortest bar on a plate, in bolt diameters
 
 
 @dataclass(frozen=True, eq=False)
 class LatticeNode:
     """Node of bars: one node of the graph, or several nodes that are too close for bars between them.
-    id     : name of the first node; "A07 end 1" for a free end of a member.    nodes : names of all nodes.
-    point  : (3,) metres.    normal : (3,) of the surface.    joined : whether a plate joins the bars.
-    moved  : largest distance of the nodes from the point (m)."""
+    id     : name of the first node, or "A07 end 1" for a free end of a member.
+    nodes  : names of all nodes.
+    point  : (3,) place of the node, metres.
+    normal : (3,) normal of the surface.
+    joined : True if a plate joins the bars.
+    moved  : largest distance of the nodes from the point, metres."""
 
     id: str
     nodes: tuple[str, ...]
@@ -50,7 +53,7 @@ class Bay:
 @dataclass(frozen=True, eq=False)
 class Lattice:
     """Nodes and bays of a structure of bars.
-    parallel : names of omitted bays, which join the same two nodes as another bay.
+    parallel : names of omitted bays; each joins the same two nodes as another bay.
     rings    : names of closed members with fewer than three nodes, which cannot become bars."""
 
     nodes: tuple[LatticeNode, ...]

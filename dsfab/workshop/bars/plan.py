@@ -43,8 +43,9 @@ class BarPlan:
 
 
 def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock, footing: Footing | None = None) -> BarPlan:
-    """Return the bars, plates and discs of a graph, with legs at supports. normals : (n, 3) at the vertices of the
-    graph's sheet. Raises PatternError if nodes are too close to each other for bars."""
+    """Return the bars, plates and discs of a graph, with legs at supports.
+    normals : (n, 3) normals at the vertices of the graph's sheet.
+    Raises PatternError if nodes are too close to each other for bars."""
     lattice = bar_lattice(graph, member_lattice(graph, stock.bolt), stock.bar, stock.bolt)
     lattice, legless = lattice.with_legs(footing) if footing else (lattice, [])
     nodes = lattice.lattice.nodes
@@ -125,7 +126,8 @@ def _names(names: tuple[str, ...]) -> str:
 
 
 BAR_QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-"""Corners of a bar's six sides, in order as seen from outside. A corner's number sums 1 for up, 2 left, and 4 end."""
+"""Corners of a bar's six sides, in order as seen from outside.
+The number of a corner is a sum: 1 for up, 2 for left, and 4 for the end of the bar."""
 
 
 @dataclass(frozen=True, eq=False)

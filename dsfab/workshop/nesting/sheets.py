@@ -1,7 +1,7 @@
 """Parts nested on sheets for the least cost, and fewer sheets by spyrrow.
 
 Spyrrow packs parts on a strip as short as possible, in a separate process. With spyrrow, dsfab moves the parts of the
-least used sheet to other sheets. `least_clearance` checks each result; if the check fails, the old nest stays."""
+least used sheet to other sheets. `least_clearance` checks each result. If the check fails, the old nest stays."""
 
 import importlib.util
 import json
@@ -50,11 +50,12 @@ def nest_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, grain: bool = False, prices: Sequence[float] = ()
 ) -> list[NestedSheet]:
     """Nest all parts on sheets of the stock, `gap` metres apart and from the edges.
-    stock  : lengths and widths (m).    grain : true if parts of members must lie lengthwise on the sheets.
+    stock  : lengths and widths of the sheets, metres.
+    grain  : true if parts of members must lie lengthwise on the sheets.
     prices : price of a sheet of each size.
 
-    The cheapest trial wins, or without prices the trial with the least area. A trial begins with one size, or takes for
-    each sheet the size with most used area for its price. Then smaller sheets replace sheets whose parts fit on them.
+    The cheapest trial wins, or without prices the trial with the least area. A trial begins with one size, or uses for
+    each sheet the size with most used area for its price. Smaller sheets then replace sheets whose parts fit on them.
     Raises PatternError for a part that fits on no sheet."""
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
     box_area = float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
@@ -166,9 +167,10 @@ def _fill_sheets(
 
 
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
-    """Return the smallest distance between closed polygons (k, 2), and from them to the edges of their sheet (m). It is
-    0 for overlaps, and negative beyond an edge.
-    size : size of the sheet (m).    enough : distance between boxes (m) above which a pair is not measured."""
+    """Return the smallest distance between closed polygons (k, 2), and from them to the edges of their sheet (m).
+    The distance is 0 for overlaps, and negative beyond an edge.
+    size   : size of the sheet, metres.
+    enough : distance between boxes above which a pair is not measured, metres."""
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
     distances = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
     for (P, (a, b)), (Q, (c, d)) in combinations(zip(outlines, boxes, strict=True), 2):
@@ -204,7 +206,7 @@ def require_spyrrow() -> None:
 
 def with_fewer_sheets(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
     """Return the same parts on fewer sheets if possible. grain : true if parts of members must lie lengthwise."""
-    # the limit counts trials, because with a limit in seconds results would depend on the machine
+    # the limit counts trials, not seconds: results must not depend on the machine
     remaining, tries = list(sheets), iter(range(24))
     while len(remaining) > 1:
         fewer = _without_least(remaining, gap, grain, tries)
@@ -248,7 +250,7 @@ def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> N
 
 
 def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float, grain: bool) -> list[NestedPart]:
-    # spyrrow computes in single precision, and `contours` omit corners within `OUTLINE_TOLERANCE` of a line
+    # spyrrow computes in single precision, and `contours` omit some corners
     separation = gap + 1e-5 + 2 * OUTLINE_TOLERANCE
     items = [[part.contours[0].tolist(), _allowed_turns(part, size[1] - 2 * gap, grain)] for part in parts]
     job = {"items": items, "height": size[1], "length": size[0], "gap": separation, "seed": 1}

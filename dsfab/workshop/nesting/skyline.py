@@ -15,9 +15,12 @@ ROUNDING = 1e-9  # tolerance for rounding errors (m)
 
 @dataclass(frozen=True, eq=False)
 class PartShape:
-    """A rotated part: its lower and upper edges (k,) in k columns (m), moved outwards by half of the gap.
-    low : (2,) lowest corner of its box.    size : (2,) size of its box.    top : highest value of the upper edge.
-    total : sum of the lower edge over the columns.    thick : largest height between both edges."""
+    """A rotated part.
+    low, size    : (2,) lowest corner and size of the part's box, metres.
+    lower, upper : (k,) lower and upper edge in k columns, moved outwards by half of the gap, metres.
+    top          : highest value of the upper edge.
+    total        : sum of the lower edge over the columns.
+    thick        : largest height between the lower and upper edge."""
 
     part: FlatPart
     turn: float
@@ -75,7 +78,8 @@ def _column_count(size: Floats, grid: ColumnGrid) -> int:
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
     """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, moved outwards by half of the gap.
-    Method: Minkowski sum of the polygon's sides with a regular polygon around a circle of this radius."""
+    Method: Minkowski sum of the polygon's sides with a regular polygon around a circle; its radius is half of the gap.
+    """
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count
@@ -95,8 +99,9 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the minimum or maximum (k,) of segments in each of k columns between the columns' ends `corner` (k + 1,).
-    p, q : (s, 2) ends of the segments, p left of q."""
+    """Return the minimum or maximum (k,) of segments in each of k columns.
+    corner : (k + 1,) limits of the columns.
+    p, q   : (s, 2) ends of the segments, p left of q."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
     i = np.clip(np.searchsorted(corner, p[:, 0], side="right") - 1, 0, len(extremes) - 1)
@@ -148,9 +153,11 @@ class SheetGap:
 
 @dataclass(eq=False)
 class OpenSheet:
-    """Partly filled sheet: the used height (k,) of each of k columns (m), and the free area (m2).
-    lowest  : lowest value of the skyline.    gaps : gaps below the skyline.
-    refused : length, width and area of parts that did not fit; larger parts are not tried again."""
+    """Partly filled sheet; lengths in metres, areas in m2.
+    skyline : (k,) used height of each of k columns.
+    lowest  : lowest value of the skyline.
+    refused : length, width and area of parts that did not fit; larger parts are not tried again.
+    gaps    : gaps below the skyline."""
 
     size: tuple[float, float]
     skyline: Floats

@@ -2,8 +2,12 @@
 
     python -P spyrrow_program.py JOB.json
 
-JOB.json has `items`: [[outline [[x, y], ..], rotations in degrees], ..], `height` and `length` of the sheet, `gap`, all
-in metres, and `seed`. The program prints one line: [[item number, degrees, x, y], ..], or null without a solution."""
+JOB.json has, in metres:
+    items          : [[outline [[x, y], ..], rotations in degrees], ..]
+    height, length : size of the sheet
+    gap, seed      : distance between items, and a number without unit
+
+The program prints one line: [[item number, degrees, x, y], ..], or null without a solution."""
 
 import json
 import os

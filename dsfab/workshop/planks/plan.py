@@ -1,8 +1,8 @@
 """The parts of a structure of planks, developed along the normals of the surface.
 
 A plank is the ruled surface P(s) + y N(s), with the normal -B = -N x T on the axis. The flat plank bends by kn in its
-own plane. In the structure it bends by kg across this plane and twists by tg. The twist makes the edges of a plank of
-depth h longer than on the drawing, by a strain of tg^2 h^2 / 8."""
+own plane. In the structure it bends by kg across this plane and twists by tg. The twist strains the edges of a plank
+of depth h by tg^2 h^2 / 8."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -61,7 +61,7 @@ def plank_parts(
     order: Sequence[str] = slots.STANDING_ORDER,
 ) -> slots.PlankParts:
     """Return the parts of all members that are planks.
-    room   : lengths and widths (m) that parts may have on the stock.
+    room   : lengths and widths that parts may have on the stock, metres.
     ground : base plane; ends at its supports are cut level. None without supports.
     order  : families, from the lowest planks to the uppermost.
     Raises PatternError if no piece fits on the stock."""
@@ -167,7 +167,9 @@ def plank_plan(
     order: Sequence[str] = slots.STANDING_ORDER,
 ) -> PlankPlan:
     """Return the planks of a graph, and its plates, which lie on the planks and have no holes.
-    normals : (n, 3) at the vertices of the graph's sheet.    limit : strain at the material's strength.
+    normals : (n, 3) normals at the vertices of the graph's sheet.
+    room    : lengths and widths that parts may have on the stock, metres.
+    limit   : strain at the material's strength.
     order   : families, from the lowest planks to the uppermost.
     Raises PatternError if no piece fits on the stock."""
     planks = plank_parts(graph, stock, room, ground, order)

@@ -7,8 +7,7 @@
     |/            │      └────┘      │    of both planks
                   └──────────────────┘
 
-Slots are cut square to the face. Planks of thickness t that cross at an angle a need a width of t / sin a + t / tan a.
-"""
+Slots are cut square to the face. Their width is t / sin a + t / tan a, for thickness t and crossing angle a."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,8 +20,8 @@ from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import FlatPart
 
 SLIDE_ANGLE = float(np.radians(10.0))
-"""Largest angle (radians) between the assembly direction of a piece and the normals at its nodes. Slots are widened for
-this direction. A plank that would need a larger angle is spliced."""
+"""Largest angle between the assembly direction of a piece and the normals at its nodes, radians.
+Slots are widened for this direction. A plank that would need a larger angle is spliced."""
 
 
 def largest_deviation(normals: Floats) -> float:
@@ -39,7 +38,7 @@ def middle_direction(normals: Floats) -> Floats:
 
 STANDING_ORDER = ("major", "minor", "rim", "keep")
 """Families from the lowest to the uppermost if their heights are equal; builders put later families on earlier ones."""
-SLOT_CLEARANCE = 2e-4  # clearance between a plank and each side and the bottom of a slot (m)
+SLOT_CLEARANCE = 2e-4  # gap between a plank and the sides and bottom of its slot (m)
 LEAST_DEGREES = 30.0
 """Smallest crossing angle of planks with slots (degrees); at a smaller angle a slot would cut most of the plank."""
 
@@ -47,10 +46,12 @@ LEAST_DEGREES = 30.0
 @dataclass(frozen=True, eq=False)
 class Crossing:
     """Two planks at a node.
-    members : lower plank and upper plank.    at : (2,) arc length on the axis of each plank (m).
-    rise    : height of the upper axis above the lower axis (m).    normal : (3,) unit vector.
+    members : lower plank and upper plank.
+    at      : (2,) arc length on the axis of each plank, metres.
+    rise    : height of the upper axis above the lower axis, metres.
+    normal  : (3,) unit normal of the surface.
     ways    : (2, 3) unit tangents of both planks, perpendicular to the normal.
-    angle   : angle between the tangents, at most 90 degrees (radians)."""
+    angle   : angle between the tangents, at most 90 degrees, radians."""
 
     node: str
     members: tuple[str, str]
@@ -71,8 +72,11 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Slot:
-    """Slot at an arc length: half its width, the height `y` of its bottom over the axis (m), and its open side.
-    lean : widening of the slot along the plank, to one side, for each metre above its bottom."""
+    """Slot of a plank at an arc length.
+    half  : half width of the slot, metres.
+    y     : height of the slot's bottom over the axis, metres.
+    above : True if the slot is open above.
+    lean  : widening of the slot along the plank, to one side, for each metre above its bottom."""
 
     node: str
     s: float
@@ -150,16 +154,16 @@ def _crossing(
 @dataclass
 class PlankParts:
     """Flat parts of all planks, with notes on them.
-    order     : families, from the lowest planks to the uppermost.
-    crossings : nodes with and without slots.
-    crowded   : slots that would run into a neighbouring slot, "N007 in A02".
-    slide_angles : largest angle between the assembly direction and the slots, by piece (radians).
-    stuck     : angles of the pieces that cannot slide on lower planks.    level_ends : number of level ends.
-    shortened : members that stop before a member of their family or before a curl.
+    order        : families, from the lowest planks to the uppermost.
+    crossings    : nodes with and without slots.
+    crowded      : slots that would run into a neighbouring slot, "N007 in A02".
+    slide_angles : largest angle between the assembly direction and the slots, by piece, radians.
+    stuck        : angles of the pieces that cannot slide on lower planks, radians.
+    shortened    : members that stop before a member of their family or before a curl.
     missed_nodes : nodes that shortened members do not reach.
-    vanished  : members that would be too short.
-    splices_near_nodes, splice_count : number of splices near nodes, and of all splices.
-    longer    : elongation of edges by twist, by member (m).    bends : bending strain, by member."""
+    vanished     : members that would be too short.
+    longer       : elongation of edges by twist, by member, metres.
+    bends        : bending strain, by member."""
 
     order: tuple[str, ...]
     pieces: list[FlatPart] = field(default_factory=list)
