@@ -257,7 +257,7 @@ def test_without_a_renderer_the_report_is_whole_and_says_so(tmp_path, capsys, mo
     assert "unknown: compliance" in captured.out
     text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "nothing to draw with" in text
-    assert "It shows no convergence" in text
+    assert "To see the convergence on finer meshes" in text
     assert (tmp_path / "out" / "report.pdf").exists()
 
 

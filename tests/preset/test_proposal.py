@@ -443,7 +443,7 @@ def test_refusals(tmp_path, monkeypatch, capsys, words, sentence):
 
 
 def test_wrong_kinds_in_python():
-    with pytest.raises(SurfaceError, match="is no mesh"):
+    with pytest.raises(SurfaceError, match="is not a mesh"):
         preset_for(7)
     with pytest.raises(PresetError, match="is not known"):
         preset_for(dome(edge=1.5), material="cheese")
