@@ -101,7 +101,7 @@ points / `limits.off`."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
 """Numbers of cubics of a seam, and largest distance of the seam from the skins / `limits.off`.
-If the distance from the mesh is limited, a seam has only one cubic, because OCCT fails beside seams of several cubics."""
+If the distance from the mesh is limited, a seam has only one cubic, as OCCT fails beside seams of several cubics."""
 
 
 def divided_faces(
