@@ -27,10 +27,9 @@ Refined = tuple[Floats, Floats, int, float]  # knots, poles, degree, and the lar
 
 @dataclass(frozen=True, eq=False)
 class SampledLine:
-    """Polyline with samples at equal distances.
-    line   : (k, d) points.          length : (k,) arc lengths, mm.
-    total  : length of the line, mm, rounded.    count : number of samples.
-    smooth : True for a closed line whose spline has the same tangent at both ends."""
+    """Polyline with samples at equal distances. smooth : True for a closed line with the same tangent at both ends.
+    line  : (k, d) points.          length : (k,) arc lengths, mm.
+    total : length of the line, mm, rounded.    count : number of samples."""
 
     line: Floats
     length: Floats
@@ -142,9 +141,8 @@ class _SplineSystem:
 
     def poles(self) -> Floats:
         """Return the poles (n, d) of the least-squares cubic splines between the first and last samples.
-        A smooth line has one unknown tangent d for both ends. Its second pole is the first pole + a d, and its last
-        but one
-        is the last pole - b d. a and b are thirds of the first and the last span."""
+        A smooth line has one unknown tangent d for both ends. Its second pole is the first pole + a d.
+        Its last pole but one is the last pole - b d. a and b are thirds of the first and the last span."""
         lengths = [run.sample_lengths for run in self.runs]
         values, first_hats = self._hats(np.concatenate(lengths), self._span_counts(lengths))
         points = np.concatenate([run.samples for run in self.runs])
@@ -326,8 +324,7 @@ def chains(part: Part) -> list[list[Curve]]:
 
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
     """Fit curves to a polyline (k, 3) within `tolerance` (mm); curves begin and end at its sharp corners.
-    A closed polyline without sharp corners becomes one smooth curve. Segments remain where no spline is close enough.
-    """
+    A closed polyline without sharp corners becomes one smooth curve. Segments remain where a spline is impossible."""
     return all_curves_along([points], tolerance)[0]
 
 

@@ -207,8 +207,7 @@ class Part:
     simpler    : True if earlier changes removed triangles of the solid.
     curved     : function that returns the sheet for smooth STEP; None if only the solid is known.
     cut        : True to test a smooth file by a trial cut with OCCT, unless this cut would take long.
-    hurry      : factor (1 or more) of the usual limits of layouts, walls and faces; 0 for no limits, if the user chose
-                 the route."""
+    hurry      : factor (1 or more) of the usual limits of layouts, walls and faces; 0 for no limits."""
 
     V: Floats
     F: Ints
@@ -248,9 +247,9 @@ class Part:
 
 
 def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
-    """Return a solid or sheet as a part in millimetres.
-    Raises ExportError for a solid that is open or has no volume, and for a mesh without faces or with numbers that are
-    not finite."""
+    """Return a solid or sheet as a part in millimetres. Raises ExportError for a mesh without faces or with numbers
+    that
+    are not finite, and for a solid that is open or has no volume."""
     part = Part(thing.V * MM_PER_M, thing.F, name, isinstance(thing, Solid), step_faces)
     if not len(part.F):
         raise ExportError(f"{name!r} has no faces, so the file would be empty; check the mesh")

@@ -252,8 +252,7 @@ def splines_through(
     """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) from 0 to 1, within tolerances.
     A curve begins at its first point and ends at its last point. All curves have the same d.
     parts : number of points in a row of Q. Each of these points must be within the tolerance.
-    Each result includes the largest distance of the curve from the points. It exceeds the tolerance for too few
-    samples."""
+    Each result includes the largest distance from the points, above the tolerance if samples are too few."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in batch), strict=True))

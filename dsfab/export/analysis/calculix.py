@@ -36,8 +36,7 @@ class CalculixModel:
     springs   : (p, 3) stiffness between each node and the ground, N/m; 0 if there is no spring.
     notes     : comment lines for the top of the file.
 
-    Raises ExportError if shapes disagree, if steps or supports are missing, or if CPS6 triangles leave the plane z = 0.
-    """
+    Raises ExportError if shapes disagree, steps or supports are missing, or CPS6 triangles leave the plane z = 0."""
 
     nodes: Floats
     triangles: Ints
@@ -86,10 +85,8 @@ class CalculixModel:
 def write_calculix(model: CalculixModel, path: str | Path) -> Path:
     """Write a model to an .inp file atomically; return the path.
     The command `ccx NAME` (without .inp) then writes the results to NAME.frd, for viewers, and NAME.dat, as text.
-    For each step, NAME.dat has the displacements of all nodes, the total force on each support, and the internal
-    energy.
-    A total force is the reaction of a support plus the loads on its nodes. The internal energy is half of the
-    compliance.
+    For each step, NAME.dat has displacements of all nodes, the total force on each support, and the internal energy.
+    A total force is a support's reaction plus the loads on its nodes. The internal energy is half of the compliance.
     Raises ExportError for another suffix, and if the file cannot be written."""
     path = Path(path)
     if path.suffix != ".inp":

@@ -133,8 +133,7 @@ def _entity(kind: str, handle: int, space: str, layer: str, subclass: str) -> st
 
 
 def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
-    """Raise ExportError unless a file is complete, is in millimetres, and has as many lines and circles as the
-    drawing."""
+    """Raise ExportError unless a file is complete, in millimetres, and has as many lines and circles as the drawing."""
     words = path.read_text("utf-8", errors="replace").removesuffix("\n").split("\n")
     codes, values = [code.strip() for code in words[::2]], [value.strip() for value in words[1::2]]
     begun = Counter(value for code, value in zip(codes, values, strict=False) if code == "0")

@@ -120,8 +120,7 @@ class StepEntities:
 
     def spline(self, degree: int, poles: list[int], knots: KnotText, title: str = "", shared: bool = False) -> int:
         """Add a spline curve through numbered poles. Lines are also splines.
-        ISO 10303-511 (advanced_face) forbids polylines of two points at a spline face.
-        """
+        ISO 10303-511 (advanced_face) forbids polylines of two points at a spline face."""
         return self.add(
             f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{degree},{references(poles)},.UNSPECIFIED.,.F.,.F.,"
             f"{knots[0]},{knots[1]},.UNSPECIFIED.)",

@@ -46,8 +46,7 @@ LIGHT = 8.0  # megabytes; a smaller faceted file replaces a smooth file that OCC
 
 def encode(part: Part) -> Iterator[bytes]:
     """Return an iterator over the bytes of the file.
-    Raises ExportError if the strategy cannot write the solid, and BudgetError for too many faces, before the first
-    byte.
+    Before the first byte, raises ExportError if the strategy fails, and BudgetError for too many faces.
     Raises BudgetError later if the file becomes too large."""
     faces, size, texts = ENCODERS[part.step](part)
     if faces > part.step_faces:

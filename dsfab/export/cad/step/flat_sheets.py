@@ -28,8 +28,7 @@ class FlatOutlines:
     """Polylines of a flat sheet.
     axes   : (3, 3) unit vectors, right-handed: two in the plane, and the normal of the plane.
     height : heights of the lower and the upper plane along axes[2], mm.
-    pieces : loops (k, 2) of each piece along axes[0] and axes[1]. The first loop is the outer one, counter-clockwise.
-    """
+    pieces : loops (k, 2) of each piece along axes[0] and axes[1], the outer loop first, counter-clockwise."""
 
     axes: Floats
     height: tuple[float, float]

@@ -13,8 +13,7 @@ FLATNESS = 1e-5  # largest distance (mm) of vertices from a joined plane or line
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
     """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
     tolerance : largest distance of vertices from a joined plane, mm.
-    Two neighbours join if the third vertex of each lies in the plane of the other and their normals are on the same
-    side.
+    Two neighbours join if each third vertex lies in the other's plane and their normals are on the same side.
     A very thin triangle (height below FLATNESS) has no exact plane, so it joins only the neighbour at its longest edge.
     A region is divided again if small angles add up and a vertex is too far from its mean plane."""
     corners = V[F]
@@ -179,8 +178,7 @@ def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
 def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Bools:
     """Return (n,) True for vertices that the outlines need; each loop keeps at least three corners.
     Vertices inside a straight edge are not needed. Only two outline edges meet at such a vertex, in line.
-    A run of such vertices must also lie on the line between its ends, as a fine polygon of a circle is nearly straight.
-    """
+    A run of such vertices must also lie on the line between its ends, because fine polygons are nearly straight."""
     a = F.ravel()[outline.h]
     alive = np.bincount(table.ends[np.unique(table.of.ravel()[outline.h])].ravel(), minlength=len(V)) > 2
     before, after = np.roll(a, 1), a[outline.next]

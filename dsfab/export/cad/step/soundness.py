@@ -52,8 +52,7 @@ def curved_soundness(
 ) -> Soundness:
     """Judge a solid with curved faces by its triangles. Raises ExportError if OCCT takes too long.
     deflection : largest distance of the triangles from curved faces, m; 0 without such faces.
-    shape      : OCCT's binary shape of the file.    on_redraw : function that is called before faces get finer
-                 triangles.
+    shape      : OCCT's binary shape of the file.    on_redraw : called before faces get finer triangles.
 
     Only crossings are tested again with finer triangles."""
     sound, triangles = soundness(first_triangles.V, first_triangles.F), first_triangles

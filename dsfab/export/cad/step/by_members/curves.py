@@ -218,8 +218,7 @@ def as_parabolas(P: Floats, axis: int) -> Floats:
 
 def patches_as_parabolas(P: Floats, distance: float) -> Floats:
     """Lower the degree of patches (ku, kv, 4, 4, 6) to 2 in each direction in which the sides are parabolas.
-    The sides do not change. Other poles move by at most `PARABOLA_SHARE` of the allowed `distance` from the mesh, mm.
-    """
+    The sides do not change. Other poles move by at most `PARABOLA_SHARE` of the allowed `distance` (mm)."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
         if np.abs(_third(sides.swapaxes(0, -2))).max() < ZERO_DIFFERENCE:
             Q = as_parabolas(P, axis)

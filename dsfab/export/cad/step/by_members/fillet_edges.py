@@ -72,8 +72,7 @@ MARGIN = 0.1  # a surface extends beyond its extended seam by this fraction of t
 
 LARGE_FILLET_SHARE = 1 / 8
 """Radius of the largest fillet at a seam that continues a wall's edge, as a fraction of the thickness.
-OCCT extends the patch at such a seam along its tangents. With larger fillets the gap grows, and the solid is invalid.
-"""
+OCCT extends the patch at such a seam along its tangents. Larger fillets have larger gaps, and are invalid."""
 
 TANGENT_GAP = 3e-5
 """Wanted gap (mm) at the end of the fillet. With smaller gaps, extended seams leave the patch on their other side."""
@@ -85,9 +84,8 @@ After the movement, OCCT gives the seam a tolerance of 4e-5 mm. The seam needs 1
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
-    """Extended seam, or a wall's edge beside a corner where an extended seam ends.
-    poles : (4, 6), mm.
-    on    : (2, k, 2) poles in the parameters of both surfaces of a face, by face: patches first, then trimmed faces."""
+    """Extended seam, or a wall's edge beside a corner where an extended seam ends. poles : (4, 6), mm.
+    on : (2, k, 2) poles in the parameters of both surfaces of a face, by face: patches first, then trimmed faces."""
 
     poles: Floats
     on: dict[int, Floats]
@@ -139,8 +137,7 @@ def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
     """Extend seams and their surfaces, except seams that would leave one of their faces.
-    Return the model, the trimmed faces, and the extended curves by edge number: seams and the walls' edges beside them.
-    """
+    Return the model, the trimmed faces, and the extended curves by edge number, also of walls' edges beside seams."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)

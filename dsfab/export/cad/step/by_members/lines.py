@@ -151,8 +151,7 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
 
 
 def with_twins(lines: NetLines) -> NetLines:
-    """Unite the curves on both sides of a seam.
-    The outer poles of one side are the inner poles of the other side.
+    """Unite the curves on both sides of a seam: the outer poles of one side are the inner poles of the other side.
     Raises ExportError if the chains on both sides differ."""
     net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}

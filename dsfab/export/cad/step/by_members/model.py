@@ -36,9 +36,8 @@ class NetWall:
 @dataclass(frozen=True, eq=False)
 class NetPatch:
     """Four-sided face on each skin.
-    loop   : edges counter-clockwise from outside, one or several along each side.
-    poles  : (4, 4, 6), mm.
-    within : True if the surface extends beyond an edge."""
+    loop  : edges counter-clockwise from outside, one or several along each side.
+    poles : (4, 4, 6), mm.    within : True if the surface extends beyond an edge."""
 
     loop: ChainLoop
     poles: Floats
@@ -226,10 +225,8 @@ def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
 @dataclass(frozen=True)
 class FilledCorner:
     """Corner that a fillet fills with material, and where one seam ends.
-    seam     : edge of the seam.
-    end      : end of the seam at the corner: 0 for the first, 1 for the last.
-    half     : tangent of half the bend angle.
-    beside   : edges of the walls before and after the corner.
+    seam     : edge of the seam.    end : end of the seam at the corner: 0 for the first, 1 for the last.
+    half     : tangent of half the bend angle.    beside : edges of the walls before and after the corner.
     straight : edge of a wall that continues the seam; None if there is no such edge."""
 
     vertex: int

@@ -72,8 +72,7 @@ class FaceLimits:
     gap : largest gap between trimmed faces and their edges.
     off : largest distance of a face from the points inside its edges to which the face is fitted.
     box : (2, 3) box that must hold the poles.
-    beyond_mesh : function of points (k, 3); returns distance from the mesh minus allowed distance (k,). None: no limit.
-    """
+    beyond_mesh : None, or function of points (k, 3) that returns distance from the mesh - allowed distance (k,)."""
 
     gap: float
     off: float
@@ -86,8 +85,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return by how much surfaces inside outlines (., 3) exceed the allowed distance from the mesh; -inf if no
-    limit is set."""
+    """Return by how much surfaces inside outlines (., 3) are too far from the mesh, mm; -inf if no limit is set."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]

@@ -209,8 +209,7 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
     """Return the poles of a surface through points; None if that fails. points : four groups (k, 3).
     The surface passes through the first group. The second group tests this within `FLUSH_TOLERANCE`.
-    The third group, on all edges, is within `SPLIT`. At the fourth group, inside, the largest move is `largest_move`.
-    """
+    The third group, on all edges, is within `SPLIT`. At the fourth group, inside, moves are at most `largest_move`."""
     hopeless = 20.0  # the search ends if a residual / its limit is larger than this after three degrees
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; OCCT ignores twice this gap, and rounding of poles adds to it
@@ -241,8 +240,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
     """Return the movements (k,) of pole heights that put a surface onto the first group of points and near the third.
-    rows      : basis (., k) at the points of each group.
-    distances : distances of the points of each group from the surface."""
+    rows : basis (., k) at the points of each group.    distances : distances of these points from the surface."""
     held_weight, move_weight = 1e6, 1e-4  # weights of the first group and of the movement; the third group has weight 1
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]

@@ -26,8 +26,7 @@ from dsfab.export.splines import bernstein, polyline_length
 @dataclass(frozen=True, eq=False)
 class FaceDomain:
     """Parallelogram around the edges of a face, in the plane of the first two axes (3, 3).
-    origin : (3,) point of the plane.    sides : (2, 2) directions of the parallelogram's sides.
-    low, high : (2,) extent along the sides.
+    origin : (3,)    sides : (2, 2) directions of the sides.    low, high : (2,) extent along the sides.
     uv, z  : (k, 2) parameters and (k,) heights of points: first inner points, then points of edges.
     inside : number of inner points."""
 
@@ -59,8 +58,8 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two of the directions (k, 2), right-handed, for the sides of a parallelogram that extends least
-        beyond the box.
+        """Choose two of the directions (k, 2), right-handed: sides of a parallelogram that extends least beyond the
+        box.
         The parallelogram's corners are at the heights of a quadratic surface through all points."""
         least_sine = 1 / 4  # with smaller angles of the parallelogram, surfaces are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
@@ -240,8 +239,7 @@ def _surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
     """Fit a surface; return poles, axes, gap at the edges, and distance from inner points. ways : (k, 3) chords.
-    The surface covers a rectangle in its mean plane. If poles leave the box, it covers a parallelogram along two
-    chords."""
+    It covers a rectangle in its mean plane. If poles leave the box, it covers a parallelogram along two chords."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)

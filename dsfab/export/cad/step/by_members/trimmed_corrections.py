@@ -35,8 +35,7 @@ def without_strays(
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
     """Fit faces again, with more points, if they are too far from the skins between their points.
-    points : (k, 6) points that each face was fitted to.    away : function of points; returns the vectors to both
-             skins.
+    points : (k, 6) that each face was fitted to.    away : function of points; returns the vectors to both skins.
     If the distance from the mesh is limited, faces do not change, because `divided_faces` then divides them."""
     rounds = 2  # a correction may move the face off the skins in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
@@ -81,8 +80,7 @@ SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a s
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
     """Move the widest gap of each seam that ends at an outline to a point where OCCT measures gaps.
-    A face does not change if a gap would become wider than `SPLIT`, or if its inside would move by more than `SPLIT`.
-    """
+    A face does not change if a gap would become wider than `SPLIT`, or if its inside would move farther than that."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -115,8 +113,7 @@ def _with_peaks(
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
     """One surface of a face: poles (p + 1, p + 1, 3), axes (3, 3), and points in mm.
-    seams : (e, k, 3) along seams.    held : (h, 6, 3) along edges that may be exact.    edges : (j, 3) along all edges.
-    """
+    seams : (e, k, 3) along seams.  held : (h, 6, 3) along edges that may be exact.  edges : (j, 3) along all edges."""
 
     poles: Floats
     axes: Floats

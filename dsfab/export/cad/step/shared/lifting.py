@@ -47,8 +47,7 @@ def crease_edges(surface: Surface) -> Bools:
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
     """Extend creases straight from their ends; return (e,) True for their edges.
-    An edge of an extension must bend far more than one of the other edges in each of its faces. The third edge may
-    belong to a crease."""
+    Each edge of an extension must bend far more than one other edge of its face. The third edge may be a crease."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
@@ -74,8 +73,7 @@ class CreaseSides:
     creases : (k, 2) edges, sorted, the smaller vertex number first.
     vertex  : (s,) vertex of each column.    corner : (m, 3) column of each face's corners.
     normals : (s, 3) normal of each column.  half   : (s,) half the thickness, as in `DenseSurface`.
-    mitre   : (s, 3) vector, m, from the end of `half` along the normal to the point where the skins of both sides meet.
-    """
+    mitre   : (s, 3) vector, m, from the end of `half` along the normal to the common point of both sides' skins."""
 
     surface: Surface
     creases: Ints

@@ -19,10 +19,8 @@ WALL = -1  # number in place of a chart, where a wall ends the chart
 @dataclass(frozen=True, eq=False)
 class OutlineRun:
     """Part of an outline.
-    vertices : (k,) in order, with the material on their left.
-    beyond   : chart on the other side, or `WALL`.
-    width    : twice the area of the loop divided by its length, mm. It is the radius of a circle, or the width of a
-               slit."""
+    vertices : (k,) in order, with the material on their left.    beyond : chart on the other side, or `WALL`.
+    width    : twice the area of the loop / its length, mm: the radius of a circle, or the width of a slit."""
 
     vertices: Ints
     beyond: int

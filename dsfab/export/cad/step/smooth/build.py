@@ -42,10 +42,9 @@ from dsfab.surface.topology import faces_at
 
 @dataclass(frozen=True, eq=False)
 class Acceptance:
-    """Verdict on a piece.
+    """Verdict on a piece. volume : of the piece, mm3.
     reason : reason of a refusal, or ''.    bad : (k, 3) places where tighter curves may help.
-    there  : largest distance of the piece from the mesh, mm.    back : largest distance of the mesh from the piece, mm.
-    volume : of the piece, mm3."""
+    there  : largest distance of piece from mesh, mm.    back : largest distance of mesh from piece, mm."""
 
     reason: str
     bad: Floats = field(default_factory=lambda: np.zeros((0, 3)))
@@ -115,8 +114,7 @@ def _distances(gate: PieceJudge, findings: dict[int, OcctFinding]) -> dict[int, 
 FIT_SHARE = 1 / 3  # tolerance of the skins / allowed distance from the mesh
 
 LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
-"""Layouts: largest angle (degrees) between the normals of a chart and their mean, smallest number of charts, and
-seed."""
+"""Layouts: largest angle (degrees) between normals of a chart and their mean, smallest number of charts, and seed."""
 
 MOST_WALLS = 1500  # largest number of walls without a request for a smooth file; more take over half a minute
 

@@ -150,8 +150,7 @@ class _Cells:
     """Points sorted by knot cell, and the basis functions of the 16 poles around each cell.
     One matrix product for each cell is faster than other sums, because points of one cell share poles.
     order : (k,) points, cell after cell.    start : first index of each cell in `order`.
-    poles : (c, 16) poles of each cell.      hats  : (k, 16) values of the basis functions at the points in this order.
-    """
+    poles : (c, 16) poles of each cell.      hats  : (k, 16) values of the basis functions at the points of `order`."""
 
     order: Ints
     start: Ints
@@ -237,8 +236,7 @@ class SkinPoints:
 
 def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
     """Collect the points of a chart and of a ring around it.
-    near_faces : (m,) True for faces of the undivided mesh near the chart.    in_chart : (n,) True for the chart's
-                 vertices."""
+    near_faces : (m,) True for undivided faces near the chart.    in_chart : (n,) True for the chart's vertices."""
     faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
     F = F.reshape(-1, 3)

@@ -25,11 +25,9 @@ def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class StepMesh:
-    """Triangles of a STEP file.
-    V          : (n, 3) points, mm.
-    F          : (m, 3) triangles. Different faces share no vertices.
+    """Triangles of a STEP file. solids : number of solids.
+    V, F       : (n, 3) points, mm, and (m, 3) triangles. Different faces share no vertices.
     face       : (m,) face of each triangle, counted through all solids.
-    solids     : number of solids.
     deflection : largest distance of the triangles from curved faces, mm.
     shape      : OCCT's binary shape (`.bin`)."""
 

@@ -83,9 +83,8 @@ def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
 
 
 def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) -> float:
-    """Integrate f = (S - about) . (S_u x S_v) / 3 inside an outline, by Green's theorem: integrate G dv along the
-    outline.
-    G is the integral of f over u. Between knots, f is a polynomial of degrees 3 p - 1 and 3 q - 1."""
+    """Integrate f = (S - about) . (S_u x S_v) / 3 inside an outline. By Green's theorem, this is the integral of G dv
+    along the outline; G is the integral of f over u. Between knots f is a polynomial of degrees 3 p - 1, 3 q - 1."""
     u = [surface.UKnot(i) for i in range(1, surface.NbUKnots() + 1)]
     v = [surface.VKnot(i) for i in range(1, surface.NbVKnots() + 1)]
     p, q = 3 * surface.UDegree(), 3 * surface.VDegree()
