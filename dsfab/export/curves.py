@@ -17,7 +17,7 @@ from dsfab.export.splines import SAMPLES_PER_SPAN, LeastSquares, Spline, hats_wi
 from dsfab.surface import polyline_length
 
 KNOT_DIGITS = 4  # decimals of knots (millimetres along the polyline)
-AT_ONCE = 5_000  # number of samples in one batch of lines, so that its arrays fit into the processor's cache
+AT_ONCE = 5_000  # number of samples in one batch of lines, for the processor's cache
 
 THIRDS = np.arange(4) / 3
 POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
@@ -27,8 +27,9 @@ Refined = tuple[Floats, Floats, int, float]  # knots, poles, degree, and the lar
 
 @dataclass(frozen=True, eq=False)
 class SampledLine:
-    """Polyline `line` (k, d) with arc lengths (k,), total length (mm, rounded), and the number `count` of its samples.
-    smooth : True for a closed line whose spline has the same tangent at both ends."""
+    """Polyline with samples at equal distances. smooth : True for a closed line with the same tangent at both ends.
+    line  : (k, d) points.          length : (k,) arc lengths, mm.
+    total : length of the line, mm, rounded.    count : number of samples."""
 
     line: Floats
     length: Floats
@@ -140,8 +141,8 @@ class _SplineSystem:
 
     def poles(self) -> Floats:
         """Return the poles (n, d) of the least-squares cubic splines between the first and last samples.
-        A smooth line has one unknown tangent d for both ends. Its second pole is the first + a d, and its last but one
-        is the last - b d; a and b are thirds of the first and the last span."""
+        A smooth line has one unknown tangent d for both ends. Its second pole is the first pole + a d.
+        Its last pole but one is the last pole - b d. a and b are thirds of the first and the last span."""
         lengths = [run.sample_lengths for run in self.runs]
         values, first_hats = self._hats(np.concatenate(lengths), self._span_counts(lengths))
         points = np.concatenate([run.samples for run in self.runs])
@@ -193,14 +194,14 @@ class _SplineSystem:
 SHARP = np.deg2rad(35.0)
 """Smallest bend (radians) at a corner of an outline. Chords of a fillet differ in direction by at most 34 degrees."""
 SPANS = 4
-"""Largest number of spans of one edge of a plane face. CAD programs integrate volumes with the same few points on each
-edge. Openings with edges of 6 to 40 spans changed a plate's volume by 0.1 to 0.5 %, and with 4 spans by 6e-5."""
+"""Largest number of spans of one edge of a plane face. CAD programs integrate volumes with few points on each edge, so
+longer edges cause errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve(Spline):
     """A line or a cubic in the plane or in space; knots and poles in millimetres.
-    deviation : largest distance between points of curve and polyline at equal fractions of their lengths."""
+    deviation : largest distance between points of curve and polyline at equal fractions of their lengths, mm."""
 
     deviation: float
 
@@ -211,8 +212,8 @@ class Curve(Spline):
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
     """Fit at least two curves to the closed polyline `loop` (k, 2); return None if no spline is within the tolerance.
-    corner : (k,) True at vertices where a curve must end; curves also end at sharp corners. With at most
-             one such vertex, one curve is fitted and split in two."""
+    corner : (k,) True at vertices where a curve must end. Curves also end at sharp corners.
+    If there are fewer than two such vertices, one curve is fitted and split in two."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
         ends = [*corners.tolist(), int(corners[0]) + len(loop)]
@@ -248,8 +249,8 @@ def fitted_curve(line: Floats, tolerance: float, smooth: bool = False) -> Curve 
 
 
 def fitted_curves(lines: Sequence[Polyline], tolerance: float) -> list[Curve | None]:
-    """Fit one curve to each polyline; a line gets None if its curve needs more samples than the line allows.
-    For thousands of lines, one call takes a sixth of the time of single calls."""
+    """Fit one curve to each polyline; the result is None if the curve needs more samples than the polyline allows.
+    One call for many lines is much faster than many calls."""
     curves: list[Curve | None] = [None] * len(lines)
     open_runs = dict[int, SampledLine]()
     for k, line in enumerate(lines):
@@ -304,11 +305,11 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
     ]
 
 
-CLOSEST = 1e-3  # smallest tolerance (mm) of curves; lines without an error of their own have it
+CLOSEST = 1e-3  # smallest tolerance (mm) of curves
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
-"""Largest number of samples of a curve: a number per point of the polyline, but at least `FEWEST_SAMPLES`. With
-more samples the curve could have more poles than the polyline has points."""
-REMEMBERED = 4096  # number of lines whose curves a cache keeps for the other formats of a design
+"""Largest number of samples of a curve: a number per point of the polyline, but at least `FEWEST_SAMPLES`.
+With more samples, the curve could have more poles than the polyline has points."""
+REMEMBERED = 4096  # number of lines whose curves stay in the cache
 
 
 def curve_tolerance(part: Part) -> float:
@@ -322,8 +323,8 @@ def chains(part: Part) -> list[list[Curve]]:
 
 
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
-    """Fit curves to a polyline (k, 3) within `tolerance` (mm); curves begin and end at its sharp corners. A closed
-    polyline without sharp corners becomes one smooth curve. Segments remain where no spline is close enough."""
+    """Fit curves to a polyline (k, 3) within `tolerance` (mm); curves begin and end at its sharp corners.
+    A closed polyline without sharp corners becomes one smooth curve. Segments remain where a spline is impossible."""
     return all_curves_along([points], tolerance)[0]
 
 
@@ -392,15 +393,15 @@ def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
 
 def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
     """Return ascending parameters (k,) along a curve with knots (p,), `per_span` in each span.
-    With 16 points the measured length has an error below 1e-4 if the span bends by less than a radian."""
+    For 16 points, the error of the measured length is below 1e-4 if the span bends by less than a radian."""
     breaks = np.unique(knots)
     inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(per_span) / per_span)
     return np.append(inner.ravel(), breaks[-1])
 
 
 def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> ReadBack:
-    """Compare the curves that a reader found in a file with the lines of a part: total length, and place of each line.
-    curves_read : by line id, points (k, 3) along each curve of the line (mm). Raises ExportError for a difference."""
+    """Compare the curves in a file with the lines of a part: total length, and place of each line.
+    curves_read : points (k, 3) along each curve of a line, mm, by line id. Raises ExportError for a difference."""
     lines = {line.id: line.points for line in part.details.lines}
     require_equal(part, "lines", lines.keys(), curves_read.keys())
     error = check_length(part, sum(polyline_length(points) for curves in curves_read.values() for points in curves))

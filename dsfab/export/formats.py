@@ -41,7 +41,7 @@ class Format:
     """A file format with its functions for a part.
     encode  : returns the bytes.
     check   : reads the file back; raises ExportError if the content differs.
-    prepare : returns the part, rounded as the format rounds.
+    prepare : returns the part with the format's rounding.
     ready   : raises ExportError if a library of the format is not installed."""
 
     encode: Callable[[Part], Iterator[bytes]]
@@ -54,10 +54,10 @@ class Format:
 class MeshFormat(Format):
     """A format for solids, or for any mesh.
     sheets       : True if the format can contain an open sheet.
-    alternatives : yields versions of the part, the best first; `write` chooses the first that passes the check. An
-                   ExportError in place of a version says why this version was not tried.
+    alternatives : yields versions of the part, the best first, and an ExportError for each version that was not tried.
+                   `write` chooses the first version that passes the check.
     sentence     : returns a sentence about the chosen version, from this version and the errors of refused versions.
-    refusal      : returns the error to raise if all versions were refused, from their errors."""
+    refusal      : returns the error to raise if all versions were refused, from the errors of these versions."""
 
     sheets: bool = True
     alternatives: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
@@ -69,7 +69,7 @@ class MeshFormat(Format):
 class SheetFormat(Format):
     """A format for lines or fields of a sheet.
     content : required content of the part: lines; a solid and lines; or fields.
-    curves  : True if the format contains smooth curves, and so needs lines without rounding."""
+    curves  : True if the format contains smooth curves. These need lines without rounding."""
 
     content: Literal["lines", "solid and lines", "fields"] = "lines"
     curves: bool = False
@@ -78,7 +78,7 @@ class SheetFormat(Format):
 @dataclass(frozen=True)
 class MemberFormat(Format):
     """A format for members, for forces of members, or for the beam model.
-    content  : the field of `Details` that the format writes.
+    content  : name of the field of `Details` that the format writes.
     sentence : returns a sentence about the content, or ''."""
 
     content: MemberContent = field(kw_only=True)
@@ -179,17 +179,17 @@ def write(
 ) -> Path:
     """Write a solid or a sheet in the format of the suffix of `path`, read it back, and return the path.
 
-    thing   : metres. Files are in millimetres (.glb in metres, as its standard requires).
+    thing   : solid or sheet, m. Files are in millimetres (.glb in metres, as its standard requires).
     name    : name of the part in the file; by default the file's name without suffix.
     step    : options of STEP files, or only the name of the route.
     details : lines, fields and facts, for the formats that contain them.
     note    : receives a sentence on the chosen route of a STEP file, and why better routes failed.
     report  : receives size, seconds, number of triangles or faces, and the error of the volume.
 
-    Equal input gives equal bytes. A second reader must find the same closed triangles, and volume (of a sheet: area)
-    within 0.1 %. The file gets its name only after this check; after a failure an older file is unchanged.
-    Raises ExportError for an unknown suffix, a missing library, missing content of the part, and too many faces for
-    STEP. Raises ExportError also without permission or disk space, and if the file differs when read back."""
+    Equal input gives equal bytes. A second reader must find the same closed triangles, and the volume (of a sheet: the
+    area) within 0.1 %. If this check fails, an older file with the same name is unchanged.
+    Raises ExportError for an unknown suffix, a missing library, or too many faces for STEP, if the part lacks data that
+    the format needs, if the file cannot be written, or if it differs when read back."""
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)
     form.ready()

@@ -18,8 +18,8 @@ LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9  # decimals of millimetres, and of direct
 @dataclass(frozen=True)
 class MemberFacts:
     """Facts of a member: lengths in mm, areas in mm2, names of its nodes.
-    own_area     : area of the member without overlaps that count as part of a crossing member.
-    counted_with : names of the crossing members with such overlaps."""
+    own_area     : area of the member without the overlaps that belong to crossing members.
+    counted_with : names of these crossing members."""
 
     member: "Member"
     length: float

@@ -28,8 +28,8 @@ NO_PAIRS.setflags(write=False)
 
 class DividedSheet(NamedTuple):
     """A sheet divided into charts.
-    V, F      : (n', 3) vertices and (m', 3) faces, metres; separate pieces of the sheet share no vertices.
-    D         : (n', 3) half-thickness vectors, metres.
+    V, F      : (n', 3) vertices and (m', 3) faces, m. Separate pieces of the sheet share no vertices.
+    D         : (n', 3) half-thickness vectors, m.
     chart     : (m',) number of the chart of each face.
     half_edge : (k,) half-edges on the boundary of the sheet, numbered 3 face + corner.
     family    : (k,) number of the field that cut the sheet at a half-edge; -1 on the boundary of the uncut surface."""
@@ -43,7 +43,7 @@ class DividedSheet(NamedTuple):
 
 
 class StripedSheet(NamedTuple):
-    """A sheet divided along the edges of all its stripes, also where an edge is covered by another stripe.
+    """A sheet divided along all edges of its stripes, even where another stripe covers an edge.
     F       : (m, 3) cells, oriented as the uncut surface.
     weights : (n', n) barycentric weights of the sheet's vertices on the vertices of the uncut surface.
     label   : (m,) number of the set of stripes that cover a cell.    loose : (m,) True for cells outside stripes.
@@ -59,11 +59,11 @@ class StripedSheet(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Curved:
     """The surface of a cut sheet, with functions that divide the sheet.
-    V, F  : (n, 3) vertices and (m, 3) faces of the uncut, oriented surface, metres.
-    D     : (n, 3) half-thickness vectors at these vertices, metres.
-    shift : offset of the sheet's middle from the surface as a multiple of D: 0, 1 or -1.
-    divided : divides the sheet by fields (n, c) on the uncut surface: chart k is the part where field k is largest.
-    striped : divides the sheet along its stripes; None if the stripes are unknown.
+    V, F  : (n, 3) vertices and (m, 3) faces of the uncut, oriented surface, m.
+    D     : (n, 3) half-thickness vectors at these vertices, m.
+    shift : distance of the sheet's middle from the surface, as a multiple of D: 0, 1 or -1.
+    divided : function of fields (n, c) on the uncut surface; divides the sheet. Chart k is where field k is largest.
+    striped : function that divides the sheet along its stripes; None if the stripes are unknown.
     twins : (k, 2) pairs of coincident vertices with opposite D, at the cut through a one-sided surface."""
 
     V: Floats
@@ -83,11 +83,11 @@ class Curved:
 
 @dataclass(frozen=True, eq=False)
 class MemberShape:
-    """A closed mesh and the lines of a member, or of a part of it, in metres or millimetres.
+    """A closed mesh and the lines of a member, or of a part of a member, in metres or millimetres.
     id    : name of the member.    layer : family or kind: "major", "minor", "rim", "keep", "fill".
-    V, F  : (n, 3), (m, 3) vertices and triangles of the body; triangles counter-clockwise seen from outside.
+    V, F  : (n, 3) vertices and (m, 3) triangles of the body, counter-clockwise seen from outside.
     axis  : (k, 3) points along the middle of the member; (0, 3) if the member has no axis.
-    edges : closed outlines on the middle surface, points (k, 3) each.
+    edges : points (k, 3) of each closed outline on the middle surface.
     plate : True for a plate, False for a long and narrow member."""
 
     id: str
@@ -118,21 +118,21 @@ Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "face
 class Details:
     """Content of a file besides its mesh; each format uses the parts that it can contain.
 
-    lines     : edges and centre lines, metres.
-    tolerance : largest error (m) of `lines`; if `lines` are exact, of the smooth curves in the file.
+    lines     : edges and centre lines, m.
+    tolerance : largest error of `lines`, m; if `lines` are exact, largest error of the smooth curves in the file.
     values    : values at the vertices (n, ...) or in the faces (m, ...) of the mesh, by name with SI unit.
     facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, as far as known.
-    frame     : the beam model of the members; `facts` then compare the results of the model with those of the sheet.
-    section_forces : section forces by case and combination, in the faces of `sheet` (metres).
+    frame     : the beam model of the members; `facts` then compare its results with the results of the sheet.
+    section_forces : section forces by case and combination, in the faces of `sheet` (m).
     member_forces  : forces by member.    utilisation : utilisation of the members.
     description    : text about the whole part.
     material       : name of the material, or ''.
     members        : members and nodes.
     whole_members  : True if crossing members lie on each other, so that each member has its whole area.
     drawings       : drawing files of each member's parts, by the name of the member.
-    shapes    : members as bodies, metres.
-    origin    : origin of the file on its site (m), in the coordinates of a survey (east, north, up)."""
+    shapes    : members as bodies, m.
+    origin    : origin of the file on its site, in survey coordinates (east, north, up), m."""
 
     lines: tuple[StructureLine, ...] = ()
     tolerance: float = 0.0
@@ -173,13 +173,13 @@ class StepOptions:
                 "members"      untrimmed four-sided patches, for curved sheets; CAD programs cut and measure them well;
                 "smooth"       or "compact": few skins and ruled walls; CAD programs often fail to cut this small file;
                 "faceted"      planar faces only;    "tessellated"  triangles, for viewers only;
-                "auto"         the first of these that suits the solid and passes the check, but not "tessellated".
+                "auto"         the first route above that suits the solid and passes the check, except "tessellated".
     faces     : largest number of planar faces; coplanar triangles count as one face.
-    tolerance : largest error of curves along the outline (m); 0 means a fortieth of the thickness. A faceted solid is
-                simplified within this tolerance, or for 0 only if all other routes fail.
-    megabytes : largest size of the file in 1e6 bytes; 0: no limit.
-    corners   : (k, 3) points of a flat sheet's outline (m) that stay corners even if the outline hardly bends there.
-    curved    : returns the curved sheet for smooth STEP."""
+    tolerance : largest error of curves along the outline, m; 0 means a fortieth of the thickness. A faceted solid is
+                simplified within this tolerance. If it is 0, this happens only if all other routes fail.
+    megabytes : largest size of the file, 1e6 bytes; 0: no limit.
+    corners   : (k, 3) points of a flat sheet's outline, m, that stay corners, even at very small bends.
+    curved    : function that returns the curved sheet for smooth STEP."""
 
     route: str = "auto"
     faces: int = STEP_FACES
@@ -193,22 +193,21 @@ class StepOptions:
 class Part:
     """A triangle mesh for a file.
 
-    V          : (n, 3) vertices, millimetres.
+    V          : (n, 3) vertices, mm.
     F          : (m, 3) faces; of a solid, counter-clockwise seen from outside.
     name       : name of the mesh in the file.
     is_solid   : True for a closed mesh with a volume, False for a sheet.
     step_faces : largest number of faces of a STEP file.
-    step       : route of a STEP file, see `StepOptions`.
-    tolerance  : largest error of the curves of a planar STEP file (mm); 0 is the default.
-    corners    : (k, 3) points of the outline that curves of a planar STEP file must not round, millimetres.
+    step       : route of a STEP file, as in `StepOptions`.
+    tolerance  : largest error of the curves of a planar STEP file, mm; 0 is the default.
+    corners    : (k, 3) points of the outline that curves of a planar STEP file must not round, mm.
     details    : lines, fields and facts; lengths in millimetres.
     step_mb    : largest size of a STEP file, 1e6 bytes; 0: no limit.
     note       : text about earlier changes of the mesh.
     simpler    : True if earlier changes removed triangles of the solid.
-    curved     : returns the sheet for smooth STEP; None if only the solid is known.
+    curved     : function that returns the sheet for smooth STEP; None if only the solid is known.
     cut        : True to test a smooth file by a trial cut with OCCT, unless this cut would take long.
-    hurry      : 0 for no limits, because the user chose the route. Otherwise the usual limits of the numbers of
-                 layouts, walls and faces are multiplied by this factor, 1 or more."""
+    hurry      : factor (1 or more) of the usual limits of layouts, walls and faces; 0 for no limits."""
 
     V: Floats
     F: Ints
@@ -248,9 +247,9 @@ class Part:
 
 
 def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
-    """Return a solid or sheet as a part in millimetres.
-    Raises ExportError for a solid that is open or has no volume. Raises ExportError also for a mesh without faces or
-    with numbers that are not finite, because no format can contain these."""
+    """Return a solid or sheet as a part in millimetres. Raises ExportError for a mesh without faces or with numbers
+    that
+    are not finite, and for a solid that is open or has no volume."""
     part = Part(thing.V * MM_PER_M, thing.F, name, isinstance(thing, Solid), step_faces)
     if not len(part.F):
         raise ExportError(f"{name!r} has no faces, so the file would be empty; check the mesh")
@@ -268,8 +267,8 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
 
 def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     """Return the part with rounded vertices V (n, 3), after contraction of edges that rounding has shortened to zero.
-    Readers merge equal points and keep collapsed triangles, which STEP cannot contain. Raises ExportError if the new
-    solid is open, empty, or differs in volume by over 0.1 %. holding : words for the rounding in the error message."""
+    Raises ExportError if the new solid is open, empty, or differs in volume by over 0.1 %.
+    holding : name of the rounding for the error message."""
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
     if not len(lost):
@@ -301,6 +300,6 @@ def open_edges(F: Ints) -> int:
     keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
     forward, backward = (np.sort(keys[mask]) for mask in (a < b, a > b))
     if np.array_equal(forward, backward) and len(forward) + len(backward) == len(keys):
-        return 0  # nearly all meshes pass this quick test, which takes a tenth of the time
+        return 0  # this quick test is enough for nearly all meshes
     keys, edge = np.unique(keys, return_inverse=True)
     return int(np.count_nonzero(np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))))

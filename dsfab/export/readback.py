@@ -12,13 +12,13 @@ from dsfab.core.limits import READ_BACK
 from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
 from dsfab.surface import bounding_box, polyline_length, signed_volume, total_area
 
-NUMBERS_READ_BACK = 1e-9  # largest error of numbers with 10 or more digits when read back / largest number
+NUMBERS_READ_BACK = 1e-9  # largest error of numbers read back / largest number
 
 
 @dataclass(frozen=True)
 class ReadBack:
     """Content that a reader finds in a file: count of `what`, for example faces, and the relative error of a measure.
-    measure : volume of a solid, area of a sheet, length of lines.    off : its error, or NaN without a measure."""
+    measure : volume of a solid, area of a sheet, length of lines.    off : relative error; NaN without a measure."""
 
     count: int
     what: str
@@ -37,9 +37,8 @@ _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dt
 
 
 def read_with_igl(path: Path) -> tuple[Floats, Ints]:
-    """Read vertices (n, 3) and faces (m, 3) of an STL or PLY file unchanged.
-    libigl is imported half a second faster than trimesh, but cannot open paths beyond ASCII on every system. Raises
-    ExportError if the file is not such a mesh."""
+    """Read vertices (n, 3) and faces (m, 3) of an STL or PLY file unchanged. Raises ExportError for other content.
+    libigl is quicker than trimesh, but cannot open non-ASCII paths on every system."""
     if not str(path).isascii():
         return read_with_trimesh(path)
     import igl
@@ -65,7 +64,7 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
 
 
 def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
-    """Compare a mesh V (n, 3), millimetres, F (m, 3) with the part: triangles, box, volume; a solid must be closed.
+    """Compare a mesh V (n, 3), mm, F (m, 3) with the part: triangles, box and volume. A solid must be closed.
     Raises ExportError if the mesh differs from the part."""
     require_equal(part, "triangles", len(part.F), len(F))
     vertices_read, vertices_expected = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
@@ -120,8 +119,8 @@ def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
 
 
 def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
-    """Return the distinct rows of an array (k, 3), and the index (k,) of each row among the distinct rows.
-    Hashes of the bits identify rows six times as fast as comparisons; if two hashes collide, the rows are compared."""
+    """Return the different rows of an array (k, 3), and the index (k,) of each row among these rows.
+    Hashes of the bits identify rows quickly. If two hashes collide, the rows are compared."""
     rows = rows + 0.0  # the sum turns -0 into 0
     bits = np.ascontiguousarray(rows).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
@@ -153,7 +152,7 @@ def layer_colour(layer: str) -> tuple[int, int, int]:
 
 
 def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> ReadBack:
-    """Compare meshes by name, V (n, 3) in millimetres and F (m, 3), with the part's members.
+    """Compare meshes with the members of the part. meshes_read : V (n, 3), mm, and F (m, 3), by name.
     Raises ExportError unless each mesh is closed and has its member's triangles, place, and volume within 0.1 %."""
     shapes = part.details.shapes
     require_equal(part, "members", [shape.id for shape in shapes], list(meshes_read))

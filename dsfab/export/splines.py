@@ -78,7 +78,7 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
     """Return values (4, k) of the nonzero cubic basis functions at x (k,), from knots[span] to knots[span + 1].
-    Also return (3, k) quadratic basis functions / widths of their supports, for the derivatives [de Boor 1978]."""
+    Also return (3, k) quadratic basis functions / widths of their supports, for derivatives [de Boor 1978]."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
     values = shares = np.ones((1, len(x)))
@@ -94,7 +94,7 @@ def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
     """Normal equations of least-squares cubics along several curves, with fixed poles.
-    Plain sums and direct LAPACK calls take a third of the time of sparse matrices for thousands of short lines.
+    Direct LAPACK calls are faster than sparse matrices for many short lines.
     values : (4, k) nonzero basis functions at each sample.    first : (k,) number of the first of these functions.
     factor : (4, n) banded Cholesky factor of the normal matrix, with rows of the identity for fixed poles.
     held   : numbers of the fixed poles."""
@@ -106,7 +106,8 @@ class LeastSquares:
 
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
-        """Factor the normal matrix (n, n) of k samples. first_hats : as `first` of the class.
+        """Factor the normal matrix (n, n) of k samples.
+        first_hats  : (k,) number of the first nonzero basis function at each sample.
         first_poles : (r,) number of the first pole of each curve."""
         factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)
         if failed:
@@ -149,11 +150,11 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
             band[j - i] += np.bincount(first_hats + i, values[i] * values[j], n)
     band[0, fixed_poles] = 0.0
     size = np.diff(np.append(first_poles, n))
-    # a small number on the diagonal makes the system solvable if a span has no samples
+    # a small number on the diagonal is for spans without samples
     band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], first_poles) / (size - 2), size)
     band[0, fixed_poles] = 1.0
     for below in range(1, 4):
-        # a negative index sets entries at the end of the row, which LAPACK does not read
+        # negative indices set entries that LAPACK does not read
         band[below, fixed_poles] = band[below, fixed_poles - below] = 0.0
     return band
 
@@ -162,7 +163,7 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
 class SplineRows:
     """Samples of several curves, one curve after the other; r counts the curves, k the samples.
     number : (r,) number of the curve.    count, first, last : (r,) number of its samples; its first and last sample.
-    row    : (k,) curve of each sample.    x, Q, parts, tolerance : see `splines_through`."""
+    row    : (k,) curve of each sample.    x, Q, parts, tolerance : as in `splines_through`."""
 
     number: Ints
     count: Ints
@@ -241,7 +242,7 @@ class RowSpans:
 
 
 SAMPLES_PER_SPAN = 6  # smallest number of samples per span; a curve oscillates between fewer samples
-AT_ONCE = 20_000  # number of samples in one batch of curves, so that its arrays fit into the processor's cache
+AT_ONCE = 20_000  # number of samples in one batch of curves, for the processor's cache
 Fitted = tuple[Spline, float]  # a curve, and its largest distance from its samples
 
 
@@ -249,9 +250,9 @@ def splines_through(
     samples: Sequence[tuple[Floats, Floats]], tolerances: Sequence[float], parts: int = 1
 ) -> list[Fitted]:
     """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) from 0 to 1, within tolerances.
-    A curve begins at its first point and ends at its last; d is the same for all curves. A row of Q may hold `parts`
-    points, and each point must be within the tolerance. Each result includes the largest distance of the curve from
-    the points. This distance exceeds the tolerance if there are too few samples."""
+    A curve begins at its first point and ends at its last point. All curves have the same d.
+    parts : number of points in a row of Q. Each of these points must be within the tolerance.
+    Each result includes the largest distance from the points, above the tolerance if samples are too few."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in batch), strict=True))

@@ -1,7 +1,7 @@
 """Run programs in separate processes, because OCCT and gmsh may crash or never finish.
 
-The limit is processor time if the system measures it (Linux), so that a busy machine gives the same result as an
-idle machine. The limit on the clock only ends a program that waits forever."""
+The limit is processor time if the system measures it (Linux), so that results are the same on a busy machine.
+Another limit, on the clock, ends a program that waits forever."""
 
 import json
 import signal

@@ -48,7 +48,7 @@ def one_line(name: str) -> str:
 
 PARTIAL = ".partial"
 _WHOSE = re.compile(r"-([0-9a-f]{8})-(\d+)-(\d+)-[0-9a-z_]+(\..*)?")
-_STATE, _TICK = 0, 19  # positions of the state and the start time in /proc/PID/stat, after the program's name
+_STATE, _TICK = 0, 19  # positions of state and start time in /proc/PID/stat
 
 
 def partial_name(suffix: str = "") -> str:
@@ -148,7 +148,7 @@ _ADVICE = {
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
     """Yield a temporary name in the folder of `path` with its suffix; at the end the temporary file replaces `path`.
-    After a failure or an interrupt the temporary file is removed and an older `path` is unchanged.
+    After a failure or an interrupt, the temporary file is removed, and an older file at `path` is unchanged.
     Raises ExportError in place of OSError."""
     target = Path(os.path.realpath(path))  # a link stays a link; its target is replaced
     temporary = target.with_name(partial_name(target.suffix))
@@ -166,7 +166,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
 
 def require_writable_file(path: Path) -> None:
     """Raise ExportError early if a file cannot be written; the trial changes no file.
-    For a folder that does not exist yet, the trial uses the nearest existing folder above it."""
+    If the folder does not exist yet, the trial uses the nearest existing folder above it."""
     target = Path(os.path.realpath(path))
     existing = next(folder for folder in target.parents if os.path.lexists(folder))
     try:
@@ -203,15 +203,14 @@ MANIFEST = "manifest"
 JOURNAL = ".journal.json"
 
 _HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of renameat2(2)
-Outdated = Callable[
-    [Path, Path], set[str]
-]  # function of the old and the new folder that returns the old files to remove
+Outdated = Callable[[Path, Path], set[str]]  # function of the old and the new folder; returns the old files to remove
 
 
 @contextmanager
 def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
     """Yield a temporary folder whose files move into `folder` at the end; a failure does not change `folder`.
-    outdated : selects old files to remove; by default those in the old manifest, if the new files include a manifest.
+    outdated : function of the old and the new folder; returns the old files to remove. By default, these are the files
+               in the old manifest if the new files include a manifest.
     Raises ExportError if the folder cannot be written."""
     target = Path(os.path.realpath(folder))  # a link stays a link; its target changes
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]

@@ -27,13 +27,13 @@ UNITS = "lengths in metres, forces in newtons, Young's modulus and stresses in p
 class CalculixModel:
     """Finite element model of a sheet: p nodes, m six-node triangles, supports and loads.
 
-    nodes     : (p, 3) metres.
-    triangles : (m, 6) nodes: three corners, then the middle of the edge after each corner.
-    thickness : metres.           young : pascals.         density : kg/m3.
-    steps     : names of load steps, and for each (p, 3) forces on the nodes in newtons.
-    supports  : names of supports (upper-case words), and for each (p, 3) True in fixed directions of a node.
+    nodes     : (p, 3) coordinates, m.
+    triangles : (m, 6) node numbers: three corners, then the middle of the edge after each corner.
+    thickness : m.    young : Pa.    density : kg/m3.
+    steps     : (p, 3) forces on the nodes, N, by name of the load step.
+    supports  : (p, 3) True for fixed directions of each node, by name of the support (capital letters).
     clamped   : (p,) True for nodes with fixed rotations; only for S6 shells.
-    springs   : (p, 3) newtons per metre between node and ground; 0 without a spring.
+    springs   : (p, 3) stiffness between each node and the ground, N/m; 0 if there is no spring.
     notes     : comment lines for the top of the file.
 
     Raises ExportError if shapes disagree, steps or supports are missing, or CPS6 triangles leave the plane z = 0."""
@@ -84,9 +84,9 @@ class CalculixModel:
 
 def write_calculix(model: CalculixModel, path: str | Path) -> Path:
     """Write a model to an .inp file atomically; return the path.
-    `ccx NAME` (without .inp) then writes NAME.frd for viewers and NAME.dat. For each step NAME.dat has the
-    displacements of all nodes, the total force on each support, and the internal energy: half of the compliance. The
-    total force is the reaction of the support plus the loads on its nodes.
+    The command `ccx NAME` (without .inp) then writes the results to NAME.frd, for viewers, and NAME.dat, as text.
+    For each step, NAME.dat has displacements of all nodes, the total force on each support, and the internal energy.
+    A total force is a support's reaction plus the loads on its nodes. The internal energy is half of the compliance.
     Raises ExportError for another suffix, and if the file cannot be written."""
     path = Path(path)
     if path.suffix != ".inp":
@@ -156,7 +156,7 @@ def _springs(model: CalculixModel) -> Iterator[str]:
             group += 1
             yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING_{group}\n"
             yield from rows("%d, %d\n", count + 1 + np.arange(len(nodes)), nodes + 1)
-            # below *SPRING, CalculiX reads integers as directions, and a number with a decimal point as stiffness
+            # CalculiX reads integers as directions, and a number with a decimal point as stiffness
             yield f"*SPRING, ELSET=SPRING_{group}\n{axis + 1}\n{stiffness:.11e}\n"
             count += len(nodes)
 
@@ -194,7 +194,7 @@ def _set_name(text: str) -> str:
 
 
 SUFFIX = ".beams.inp"
-PIECES = 4  # elements per beam; bent joints are up to 17 % too stiff with one element, and up to 8 % with four
+PIECES = 4  # elements per beam; with four elements, bent joints are up to 8 % too stiff
 
 
 def encode(part: Part) -> Iterator[bytes]:

@@ -1,6 +1,6 @@
-"""OpenSees: the beam model as a Tcl script, `NAME.tcl`, that solves every case and combination and prints the results.
+"""OpenSees: the beam model as a Tcl script, `NAME.tcl`. It solves all cases and combinations and prints the results.
 
-Units are metres, newtons and pascals. Beams are Timoshenko beams, as in `dsfab.members.frame`, with equal results."""
+Units are metres, newtons and pascals. Beams are Timoshenko beams, as in `dsfab.members.frame`."""
 
 from collections.abc import Iterator
 from pathlib import Path

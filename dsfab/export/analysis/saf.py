@@ -25,11 +25,10 @@ if TYPE_CHECKING:
 VERSION = "2.2.0"
 Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
-FINE, COARSE = 0.1, 1.0  # widths are rounded to these steps (mm), below and above 100 mm, so that beams share sections
+FINE, COARSE = 0.1, 1.0  # steps (mm) of rounded widths, below and above 100 mm; similar beams share a section
 SMALL = {0: 1e-6, 3: 1e-2}
-"""The workbook leaves out forces (key 0) and moments (key 3) below this fraction of the largest in their load case.
-Such forces are rounding errors, and such moments come from loads slightly beside a beam. This halves the number of
-rows, and changes displacements of two example designs by under 0.07 %."""
+"""Smallest forces (key 0) and moments (key 3) in the workbook, as fractions of the largest in their load case.
+Smaller forces are rounding errors. Smaller moments come from loads slightly beside a beam."""
 TYPES = {
     "S": "Steel",
     "GL": "Timber",

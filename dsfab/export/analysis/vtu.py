@@ -1,7 +1,7 @@
-"""VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields, in metres, with the SI unit in each name.
+"""VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields, in metres. Field names contain SI units.
 
-The format has no place for the unit of length, so the file has a text field `unit`. Remarks on the fields are the text
-fields `note 1`, `note 2`, ... Arrays are little-endian base64 after a 64-bit count of bytes."""
+The text field `unit` has the unit of length. Text fields `note 1`, `note 2`, ... have remarks on the fields.
+Arrays are little-endian base64 after a 64-bit count of bytes."""
 
 import base64
 import xml.etree.ElementTree as ElementTree

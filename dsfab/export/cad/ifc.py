@@ -35,7 +35,7 @@ Naming = Callable[[str], str]  # a function from a word to an IFC identifier
 
 class Place(NamedTuple):
     """Numbers of the IFC entities that all elements refer to; `material` and `properties` are 0 if unknown.
-    placement : placement of the whole roof.    part : placement of each part, relative to the roof."""
+    placement : placement of the roof.    part : placement of each part, relative to the roof."""
 
     body: int
     building: int
@@ -157,8 +157,9 @@ def element(
     amounts: Mapping[str, float],
     naming: Naming,
 ) -> int:
-    """Add a plate with its colour and quantities; return its number. which : name and number of the plate.
-    mesh : vertices (n, 3) in mm, and triangles (m, 3) of vertex numbers from 1."""
+    """Add a plate with its colour and quantities; return its number.
+    which : name and number of the plate.
+    mesh  : vertices (n, 3), mm, and triangles (m, 3) of vertex numbers from 1."""
     (name, i), (V, corners) = which, mesh
     faces = face_set(entities, V, corners, place.style)
     shape = entities.add(f"IFCSHAPEREPRESENTATION(#{place.body},'Body','Tessellation',(#{faces}))")

@@ -78,7 +78,7 @@ def empty_model() -> Any:
 
 def archive(model: Any) -> bytes:
     """Return a model as the bytes of a 3DM file with constant times."""
-    version = 7  # Rhino 7 is the oldest version in wide use; newer versions read its files
+    version = 7  # Rhino 7 and newer versions read the file
     import rhino3dm
 
     how = rhino3dm.File3dmWriteOptions()
@@ -107,9 +107,9 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int]) -> 
 
 
 def without_times(data: bytes) -> bytes:
-    """Replace both times in the history of a 3DM file by `_TIME` and correct its checksum.
-    The history contains a version byte, author and time of creation, author and time of the last change, a count, and a
-    CRC-32. An author is a count of letters (4 bytes) and the letters. Raises ExportError for another layout."""
+    """Replace both times in the history of a 3DM file by `_TIME`, and correct its checksum.
+    The history contains: version byte; author and time of creation; author and time of the last change; count; CRC-32.
+    An author is a count of letters (4 bytes) and the letters. Raises ExportError for another layout."""
     header = 32  # 32 bytes precede the first chunk: code (4 bytes), length (8), content
     content = bytearray(data)
     properties = _chunk(data, header, len(data), _PROPERTIES)
@@ -143,8 +143,8 @@ def _chunk(data: bytes, start: int, end: int, kind: int) -> tuple[int, int] | No
 
 
 def rhino_mesh(V: Floats, F: Ints) -> Any:
-    """Build a rhino3dm mesh with normals from vertices (n, 3) in any unit and triangles (m, 3). Coordinates are single
-    precision if this loses no digits, otherwise double precision, which takes twice the space."""
+    """Build a rhino3dm mesh with normals from vertices (n, 3) in any unit and triangles (m, 3).
+    Coordinates have single precision if this loses no digits; otherwise double precision."""
     import rhino3dm
 
     mesh = rhino3dm.Mesh()

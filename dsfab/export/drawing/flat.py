@@ -1,7 +1,6 @@
 """Flat drawings for cutters and engravers: polylines and circles on named layers, as DXF (R2010) and SVG. Millimetres.
 
-The drawings use only LWPOLYLINE and CIRCLE, because every cutting program reads these; letters are polylines, too.
-Equal drawings give equal bytes."""
+Letters are also polylines. Every cutting program reads LWPOLYLINE and CIRCLE. Equal drawings give equal bytes."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -72,8 +71,7 @@ class FlatDrawing:
 
 def flat_dxf(drawing: FlatDrawing) -> bytes:
     """Return a drawing as a DXF file without dates and random identifiers.
-    ezdxf writes the frame of the file once for all drawings with equal layers. This function writes the lines and
-    circles, because ezdxf takes ten times as long and a workshop has hundreds of drawings."""
+    ezdxf writes only the frame of the file, once for all drawings with equal layers, because it is slow."""
     frame = _frame(tuple(drawing.layers))
     count = len(drawing.lines) + len(drawing.circles)
     seed = "  9\n$HANDSEED\n  5\n{:X}\n"
@@ -135,8 +133,7 @@ def _entity(kind: str, handle: int, space: str, layer: str, subclass: str) -> st
 
 
 def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
-    """Raise ExportError unless a file is complete, is in millimetres, and has as many lines and circles as the drawing.
-    The check reads pairs of group code and value directly, because ezdxf takes ten times as long."""
+    """Raise ExportError unless a file is complete, in millimetres, and has as many lines and circles as the drawing."""
     words = path.read_text("utf-8", errors="replace").removesuffix("\n").split("\n")
     codes, values = [code.strip() for code in words[::2]], [value.strip() for value in words[1::2]]
     begun = Counter(value for code, value in zip(codes, values, strict=False) if code == "0")
@@ -149,7 +146,7 @@ def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
 
 def flat_svg(drawing: FlatDrawing, hair: float = 0.0) -> bytes:
     """Return a drawing as SVG at full size, with its layers as groups for Inkscape.
-    hair : width of the lines, metres; 0 for a width that suits a view of the whole drawing."""
+    hair : width of the lines, m; 0 for a width that suits a view of the whole drawing."""
     return "".join(_svg(drawing, MM_PER_M * hair)).encode()
 
 

@@ -1,7 +1,7 @@
 """SVG: plan and elevations on an A3 sheet at a stated scale, with dimensions, scale bar and title block.
 
-A unit of the file is a millimetre of paper; the file states the scale and the unit of the dimensions. Groups are layers
-for Inkscape. Line widths follow ISO 128: outlines 0.5 mm, edges 0.25 mm, centre lines 0.13 mm and dash-dotted."""
+A unit of the file is a millimetre of paper. Groups are layers for Inkscape.
+Line widths follow ISO 128: outlines 0.5 mm, edges 0.25 mm, centre lines 0.13 mm and dash-dotted."""
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator

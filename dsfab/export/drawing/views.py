@@ -16,13 +16,13 @@ AXES = {
     "Front elevation": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
     "Right elevation": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
 }
-"""Three directions of each view, by title: to the right, upwards, and to the eye (above, at -y, or at +x)."""
+"""Three directions of each view, by title: to the right, upwards, and to the eye."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawingView:
     """A view of a sheet.
-    runs  : visible parts of lines, points (k, 2) in millimetres.    low, high : corners of the view.
+    runs  : visible parts of lines, points (k, 2), mm.    low, high : corners of the view.
     loops : outline of the region to fill, by the even-odd rule; empty if the sheet hides a part of itself."""
 
     title: str
@@ -149,7 +149,7 @@ class PlacedView:
 
 def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[PlacedView]]:
     """Return the views in rows on paper, and the largest standard scale (mm per mm of paper) at which they fit.
-    title : width and height of the block that stays free in the lower right corner, millimetres."""
+    title : width and height of the free block in the lower right corner, mm."""
     by_name = {view.title.split()[0]: view for view in views(part)}
     rows = (("Plan", "Front", "Right"),), (("Front", "Right"), ("Plan",)), (("Plan",), ("Front",), ("Right",))
     choices = [[[by_name[k] for k in row if k in by_name] for row in layout] for layout in rows]

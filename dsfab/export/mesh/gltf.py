@@ -34,7 +34,7 @@ def _chunks(
     nodes: Sequence[Any], meshes: Sequence[Any], materials: Sequence[Any], arrays: list[np.ndarray[Any, Any]]
 ) -> Iterator[bytes]:
     """Yield the header of 12 bytes, a chunk of JSON about the buffer, and the buffer with the arrays.
-    nodes : the last one is the root.    arrays : vertices and faces of each mesh in turn."""
+    nodes : nodes of the scene, the root last.    arrays : vertices and faces of each mesh in turn."""
     size = [array.nbytes for array in arrays]
     start = np.concatenate([[0], np.cumsum(size)]).tolist()
     scene = {

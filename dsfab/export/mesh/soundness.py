@@ -14,8 +14,8 @@ from dsfab.thickening.self_intersection import intersecting_pairs
 
 def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
     """Return the shell (m,) of each triangle, and the shells of each solid: the outer shell first, then its voids.
-    A shell with positive volume is an outer shell. A void is a shell whose triangles face inwards; it belongs to the
-    smallest outer shell around it. Raises ExportError for a void without an outer shell."""
+    An outer shell has positive volume. The triangles of a void face inwards. A void belongs to the smallest outer shell
+    around it. Raises ExportError for a void without an outer shell."""
     count, shell = pieces(part.F, edge_table(part.F))
     volumes = [signed_volume(part.V, part.F[shell == i]) for i in range(count)]
     outer = sorted((i for i in range(count) if volumes[i] > 0), key=lambda i: volumes[i])
@@ -74,8 +74,8 @@ class Soundness:
     faults    : empty for a sound mesh. Kinds: `open` edges with one triangle, `crowded` edges with more than two,
                 `turned` edges whose two triangles face opposite sides, `repeated` triangles, `inside_out` shells,
                 `crossing` pairs of triangles.
-    pinches   : number of points where two parts touch with corners only; not a fault, because both parts are sound.
-    tested    : True if crossings were tested; the test needs an oriented manifold.
+    pinches   : number of points where two parts touch with corners only. Such points are no fault.
+    tested    : True if crossings were tested. This test needs an oriented manifold.
     shells    : number of closed surfaces; a hollow body has two.    pieces : number of connected bodies of material.
     crossings : (k, 2) pairs of triangles that cross.
     volume    : m3, from the orientation of the triangles; valid for closed meshes only.     area : m2."""

@@ -29,7 +29,7 @@ def prepare_stl(part: Part) -> Part:
 
 def encode_stl(part: Part) -> Iterator[bytes]:
     """Yield the header, the number of triangles, then 50 bytes for each triangle.
-    The header must not begin with "solid", the mark of text files. A zero ends the header, because admesh prints it."""
+    The header must not begin with "solid", the mark of text files. It ends with a zero for programs that print it."""
     records = np.zeros(len(part.F), dtype=_RECORD)
     corners = part.V[part.F]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -60,7 +60,7 @@ def check_with_trimesh(part: Part, path: Path) -> ReadBack:
 
 def encode_off(part: Part) -> Iterator[bytes]:
     """Yield the counts of vertices, faces and edges, then a line for each vertex and face.
-    The count of edges is 0, because the format allows writers not to count edges."""
+    The format allows 0 as the count of edges."""
     yield f"OFF\n# {one_line(part.name)}, written by dsfab {__version__}\n# unit: millimetre\n".encode()
     yield f"{len(part.V)} {len(part.F)} 0\n".encode()
     yield from (text.encode("ascii") for text in rows("%.17g %.17g %.17g\n", *part.V.T))

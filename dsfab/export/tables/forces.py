@@ -26,7 +26,7 @@ COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
 UNITS = "units: metres, newtons, newton metres; n and q per metre of section, m per metre of section"
 Q_LESS = "q is one order less accurate than m, and up to a fifth too small on ribs 3 or 4 faces wide"
 SHEET_FORMAT = "%.8g"
-READ = 1e-6  # largest error of numbers that are read back / largest number of their column
+READ = 1e-6  # largest error of numbers read back / largest number of the column
 
 
 def prepare_fields(part: Part) -> Part:

@@ -21,7 +21,7 @@ COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.
 """Colours of the pieces in turn, as red, green and blue. They are muted, so that edges stay visible."""
 
 DIGITS = 6  # decimals (mm) of curves, and of vertices in the search for coplanar triangles
-DIRECTION_DIGITS = 11  # decimals of directions; their rounding moves the end of an edge of 100 m by less than 1e-6 mm
+DIRECTION_DIGITS = 11  # decimals of directions; rounding moves the end of an edge of 100 m by under 1e-6 mm
 FIRST_FREE = 19  # first free entity number after the header of the file
 
 PARAMETER_CONTEXT = (
@@ -39,7 +39,7 @@ def piece_name(name: str, i: int, pieces: int) -> str:
 def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: str) -> Iterator[str]:
     """Yield solids, products, colours and the end of the file, numbered from `free`.
     shell, faces : (f,) shell and entity of each face.    solids : shells of each solid, the outer shell first.
-    The header holds the product of the first piece; each other piece gets a product here."""
+    The product of the first piece is in the header of the file."""
     entities_after = StepEntities(free)
     styles = [_style(entities_after, colour) for colour in COLOURS[: len(solids)]]
     styled = []
@@ -119,8 +119,8 @@ class StepEntities:
         return self.spline(curve.degree, [self.point(p) for p in poles], knot_text(curve.knots), title)
 
     def spline(self, degree: int, poles: list[int], knots: KnotText, title: str = "", shared: bool = False) -> int:
-        """Add a spline curve through numbered poles.
-        ISO 10303-511 (advanced_face) forbids polylines of two points at a spline face, so a line is also a spline."""
+        """Add a spline curve through numbered poles. Lines are also splines.
+        ISO 10303-511 (advanced_face) forbids polylines of two points at a spline face."""
         return self.add(
             f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{degree},{references(poles)},.UNSPECIFIED.,.F.,.F.,"
             f"{knots[0]},{knots[1]},.UNSPECIFIED.)",
@@ -295,7 +295,8 @@ def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
     """Yield the entities of one kind after another, to save memory. blocks : numbers of the entities of each kind.
-    vectors, normals : distinct directions, and the number of the direction of each edge or face."""
+    vectors : different directions, and the index (e,) of the direction of each edge.
+    normals : different directions, and the index (f,) of the normal of each face."""
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
@@ -318,7 +319,7 @@ def _tables(
 
 def _ratios(shape: Polyhedron) -> Floats:
     """Return the (e, 3) exact directions of the edges between rounded corners, as smallest whole numbers.
-    ISO 10303-42 does not require unit length, so edges along an axis share one direction."""
+    Unit length is not necessary (ISO 10303-42). So edges along an axis have equal directions."""
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
     return np.asarray(along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None])
@@ -329,7 +330,7 @@ def _corners(shape: Polyhedron) -> Ints:
 
 
 def _digits(shape: Polyhedron) -> int:
-    reach_mm = 1e-6  # rounding of a normal moves the far end of its face by at most 1e-6 mm
+    reach_mm = 1e-6  # largest movement (mm) of the far end of a face if its normal is rounded
     face = np.repeat(np.arange(len(shape.normals)), np.diff(shape.loops[shape.faces]))
     corner = shape.edges[shape.steps, np.where(shape.forward, 0, 1)]
     reach = max(float(np.abs(x[corner] - x[shape.origin[face]]).max()) for x in shape.points.T)
@@ -353,7 +354,7 @@ def faceted_bytes(shape: Polyhedron) -> float:
 
 def header(name: str, description: str, pieces: int = 1) -> str:
     """Return the beginning of the file: entities 1 to 18, with the product of the first piece.
-    ISO 10303-21 requires a time; it is fixed, so that equal solids give equal files."""
+    The time of the file (ISO 10303-21 requires one) is constant, so that equal solids give equal files."""
     title = step_string(one_line(name))
     product = step_string(piece_name(name, 0, pieces))
     return _HEADER.format(
@@ -397,7 +398,7 @@ def tessellated_entities(part: Part) -> Iterator[str]:
         number, face = entity_list.next(), entity_list.next()
         yield f"#{number}=COORDINATES_LIST('',{len(used)},("
         yield from comma_separated_rows(f"{_COORDINATES},\n", *part.V[used].T)
-        # one face with all triangles, without normals or exact geometry; point i is row i of the coordinates
+        # one face with all triangles; point i is row i of the coordinates
         yield f"));\n#{face}=TRIANGULATED_FACE('',#{number},{len(used)},(),$,(),("
         yield from comma_separated_rows("(%d,%d,%d),\n", *(corner.reshape(-1, 3) + 1).T)
         yield "));\n"

@@ -39,15 +39,14 @@ from dsfab.surface import StructureLine
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
-"""Time limit for reading back: seconds, and seconds per face, several times the usual time. Without a limit, OCCT's
-check of very long outlines may never finish."""
+"""Time limit for reading back: seconds, and seconds per face, several times the usual time."""
 
-LIGHT = 8.0  # size (megabytes) below which a faceted file is better than a smooth file that OCCT cannot cut
+LIGHT = 8.0  # megabytes; a smaller faceted file replaces a smooth file that OCCT cannot cut
 
 
 def encode(part: Part) -> Iterator[bytes]:
     """Return an iterator over the bytes of the file.
-    Raises ExportError before the first byte if the strategy cannot write the solid, and BudgetError for too many faces.
+    Before the first byte, raises ExportError if the strategy fails, and BudgetError for too many faces.
     Raises BudgetError later if the file becomes too large."""
     faces, size, texts = ENCODERS[part.step](part)
     if faces > part.step_faces:
@@ -104,8 +103,8 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
-    OCCT has already measured files by members and smooth files, so only their bytes are compared here. If the user
-    wants to cut a smooth file (`cut`), OCCT's triangles must also bound a solid."""
+    Of files by members and smooth files only the bytes are compared, because OCCT has already measured these files.
+    If the user wants to cut a smooth file (`cut`), OCCT's triangles must also bound a solid."""
     if part.step == "members":
         file = member_file(part)
         _require_same(part, path, file.text)

@@ -92,7 +92,7 @@ def require_budget(part: Part, faces: int, size: float = 0.0) -> None:
 
 def writing_seconds(part: Part, strategy: str, faces: int) -> float:
     """Return the seconds to write a part with a strategy and a number of faces, and to read the file back."""
-    in_use = 6e-2  # seconds per face of the trial cuts and other tests, made if the user requests members
+    in_use = 6e-2  # seconds per face of the tests (trial cuts) that are made on request only
     tried = in_use if strategy == "members" and not part.hurry else 0.0
     return LOADING_SECONDS + (COSTS[strategy].write + tried) * faces
 
@@ -124,10 +124,10 @@ def usual_tolerance(part: Part) -> float:
 
 
 def simplified_part(part: Part, tolerance: float) -> Part:
-    """Return the solid with fewer triangles; each surface stays within `tolerance` (mm) of the other surface.
-    `note` of the result states the measured distance and the change of volume. A try succeeds if it stays within the
-    tolerance, keeps the volume to 0.5 %, adds no crossings, and removes a tenth of the triangles. Raises ExportError if
-    none succeeds, and BudgetError as soon as far more planar faces remain than `step_faces` allows (0: no limit)."""
+    """Return the solid with fewer triangles; its `note` states the measured distance and the change of volume.
+    The distance between both surfaces is at most `tolerance` (mm). The volume changes by at most 0.5 %. The result has
+    no more crossings, and at most 9/10 of the triangles.
+    Raises ExportError if that fails, and BudgetError if far more planar faces remain than `step_faces` (if not 0)."""
     worth = 0.9  # at most this fraction of the triangles may remain
     stride = 1.6  # each try has 1.6 times the tolerance (in manifold3d) of the try before
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance
@@ -151,7 +151,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
 
 def _require_hope(simple: Part) -> None:
     """Raise BudgetError if a simplified solid has too many faces for any further try to meet the limit."""
-    hopeless = 1.2  # the search ends if a try leaves more than 1.2 times the allowed faces
+    hopeless = 1.2  # faces after a try / allowed faces at which the search ends
     if 0 < hopeless * simple.step_faces < len(simple.F):
         shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))
         if len(shape.normals) > hopeless * simple.step_faces:

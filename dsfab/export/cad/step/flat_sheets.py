@@ -14,9 +14,9 @@ from dsfab.export.curves import Curve, curves_through, split_at_knots
 from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
-SAME_PLACE = 1e-3  # largest distance (mm) between a corner and its vertex, and between outlines of both skins
-WIDTH_SHARE = 0.1  # largest tolerance of a loop / (its area / length), so that slits and dots keep their shape
-GAP_SHARE = 0.25  # largest tolerance of a loop / distance from other loops, so that curves never cross a member
+SAME_PLACE = 1e-3  # largest distance (mm) between a corner and its vertex, or between outlines of both skins
+WIDTH_SHARE = 0.1  # largest tolerance of a loop / (area / length of the loop), to keep narrow loops
+GAP_SHARE = 0.25  # largest tolerance of a loop / distance from other loops, to keep curves apart
 
 
 class NotFlatError(ExportError):
@@ -27,8 +27,8 @@ class NotFlatError(ExportError):
 class FlatOutlines:
     """Polylines of a flat sheet.
     axes   : (3, 3) unit vectors, right-handed: two in the plane, and the normal of the plane.
-    height : lower and upper plane along axes[2], millimetres.
-    pieces : loops (k, 2) of each piece along axes[0] and axes[1]; the outer loop is first and counter-clockwise."""
+    height : heights of the lower and the upper plane along axes[2], mm.
+    pieces : loops (k, 2) of each piece along axes[0] and axes[1], the outer loop first, counter-clockwise."""
 
     axes: Floats
     height: tuple[float, float]
@@ -67,7 +67,7 @@ def outlines_of(part: Part) -> FlatOutlines:
     lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
     across = np.linalg.eigh(np.einsum("mi,mj,m->ij", vectors, vectors, 1 / lengths))[1].T
     used = np.unique(part.F)
-    for axis in across[::-1]:  # the skins have most of the area, so their normal is usually the last axis
+    for axis in across[::-1]:  # the normal of the skins is usually the last axis
         axis = axis * np.sign(axis[np.abs(axis).argmax()])
         height = part.V @ axis
         low, high = float(height[used].min()), float(height[used].max())
@@ -126,9 +126,9 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
 
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
-    """Return for each loop a lower bound of its distance from all other loops, or inf if these are too far to matter.
-    Distances are measured between points with a spacing s along the loops, so they are at most s too large. s is then
-    subtracted, and made smaller until it is small beside the result. least : smallest spacing, and smallest result."""
+    """Return a lower bound of the distance between each loop and all other loops; inf if all other loops are far away.
+    Distances are measured between points with a spacing s along the loops. The bound is the smallest distance minus s.
+    s falls until it is small compared with the bound. least : smallest spacing and smallest bound, mm."""
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))
     while remaining and len(loops) > 1 and spacing >= least:

@@ -36,7 +36,7 @@ from dsfab.surface import CREASE, edge_table
 class Facet:
     """Planes of both skins of a flat part of a sheet, the upper plane first, millimetres.
     origin : (2, 3) a point of each plane.
-    axes   : (2, 3, 3) unit vectors, right-handed: two in each plane, and its normal upwards."""
+    axes   : (2, 3, 3) unit vectors, right-handed: two in each plane, and the plane's normal upwards."""
 
     origin: Floats
     axes: Floats
@@ -52,8 +52,8 @@ class Facet:
 
 @dataclass(frozen=True, eq=False)
 class FlatFacets:
-    """Cut sheet whose faces lie in a few planes, before its folds are mitred.
-    skins : (n, 2, 3) vertices of the sheet on both skins, millimetres.    facet : (m,) facet of each face."""
+    """Cut sheet with faces in a few planes, before its folds are mitred.
+    skins : (n, 2, 3) vertices of the sheet on both skins, mm.    facet : (m,) facet of each face."""
 
     whole: DividedSheet
     shift: int
@@ -77,9 +77,9 @@ class FlatFacets:
 @dataclass(frozen=True, eq=False)
 class FoldedSheet:
     """Sheet of flat facets, millimetres.
-    outline : regions of the sheet and their runs; `chart` names the facet of a region.
-    points  : (n, 2, 3) vertices on both skins; vertices at folds lie in the planes of all their facets.
-    If the planes around a vertex have no common point, each mesh face at this vertex becomes a facet."""
+    outline : regions of the sheet and their runs; `chart` is the number of a region's facet.
+    points  : (n, 2, 3) vertices on both skins. A vertex at a fold lies in the planes of all its facets.
+    If these planes have no common point, each mesh face at the vertex becomes a facet."""
 
     outline: SheetOutline
     facets: dict[int, Facet]
@@ -144,7 +144,7 @@ def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
 
 
 def _require_few_facets(facet: Ints) -> None:
-    faces_per_facet = 4  # facets have at least 4 triangles on average; a curved sheet has one for each facet
+    faces_per_facet = 4  # smallest mean number of triangles per facet; a curved sheet has one
     if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
 
@@ -159,7 +159,7 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
     """Return (n, 2, 3) vertices moved by least squares into the planes of their facets, and (n,) True where this fails.
-    The corners of a facet with a single face define its plane, so they do not move."""
+    The corners of a facet with a single face do not move, because they define the facet's plane."""
     exact = 1e-5  # largest distance (mm) of a fold's corners from the planes that meet there
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
@@ -222,8 +222,7 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
 
 
 def _curve(line: Floats, tolerance: float) -> Curve:
-    """Fit a curve to a line (k, 4) on both skins.
-    One skin may be longer, so points at equal fractions of both lengths form pairs. Straight edges then stay lines."""
+    """Fit a curve to a line (k, 4) on both skins; points at equal fractions of the lengths on both skins form pairs."""
     upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
     shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)
@@ -262,8 +261,8 @@ def planar_file(part: Part) -> PlanarFile:
 
 class _Writer:
     def __init__(self, shape: FoldedShape) -> None:
-        # With two more digits, edges on inclined planes are exact to 1e-7 mm, OCCT's smallest tolerance. With a larger
-        # tolerance a fillet that shortens an edge fails.
+        # Two more digits make edges on inclined planes exact to 1e-7 mm, OCCT's smallest tolerance.
+        # OCCT's fillets need this tolerance.
         self.new, self.shape, self.sheet = StepEntities(extra_digits=2), shape, shape.sheet
         self.vertices, self.posts, self.edges = dict[int, EdgePair](), dict[int, int](), dict[RunKey, EdgePair]()
 

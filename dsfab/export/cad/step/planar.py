@@ -7,15 +7,15 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.surface.topology import EdgeTable, edge_table, link_components
 
-FLATNESS = 1e-5  # largest distance (mm) of vertices from a joined plane or line: the precision of Parasolid, 1e-8 m
+FLATNESS = 1e-5  # largest distance (mm) of vertices from a joined plane or line; precision of Parasolid
 
 
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
     """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
-    tolerance : largest distance of vertices from a joined plane, millimetres.
-    Two neighbours join if the third vertex of each lies in the plane of the other and their normals are on the same
-    side. A triangle with a height below FLATNESS has no exact plane, so it joins only the neighbour at its longest
-    edge. Small angles add up, so a region is divided again if a vertex is too far from its mean plane."""
+    tolerance : largest distance of vertices from a joined plane, mm.
+    Two neighbours join if each third vertex lies in the other's plane and their normals are on the same side.
+    A very thin triangle (height below FLATNESS) has no exact plane, so it joins only the neighbour at its longest edge.
+    A region is divided again if small angles add up and a vertex is too far from its mean plane."""
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     units = unit_vectors(vectors)
@@ -69,8 +69,8 @@ class FaceOutlines:
 
 def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     """Chain the half-edges between different regions (m,), each region on the left. opposite : (3 m,) half-edges.
-    Each half-edge is followed by the first border half-edge of the region around its end. So loops never jump across a
-    vertex where a region touches itself."""
+    The half-edge after another is the first border half-edge of the region around the common vertex.
+    So no loop jumps across a vertex where a region touches itself."""
     on_border = region[np.arange(len(opposite)) // 3] != region[opposite // 3]
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
@@ -142,14 +142,14 @@ def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
 
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
-    """Planar faces with shared edges. Loops run counter-clockwise about the face's normal, inner loops clockwise.
+    """Planar faces with shared edges. Outer loops run counter-clockwise about the face's normal, inner loops clockwise.
 
-    points  : (p, 3) millimetres.
+    points  : (p, 3) coordinates, mm.
     edges   : (e, 2) end points of each straight edge.
-    steps   : (s,) edge of each step of the loops; every edge has two steps, one in each direction.
-    forward : (s,) True if the step runs from the edge's first end to its second.
+    steps   : (s,) edge of each step of the loops. Each edge has two steps, one in each direction.
+    forward : (s,) True if the step runs from the first end of its edge to the second end.
     loops   : (l + 1,) loop i has the steps loops[i] : loops[i + 1].
-    faces   : (f + 1,) face i has the loops faces[i] : faces[i + 1], its outer loop first.
+    faces   : (f + 1,) face i has the loops faces[i] : faces[i + 1], the outer loop first.
     normals : (f, 3) unit normals.
     origin  : (f,) a point of each face.
     shell   : (f,) closed shell of each face."""
@@ -176,9 +176,9 @@ def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
 
 
 def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Bools:
-    """Return (n,) True for vertices that the outlines need; vertices inside a straight edge are not needed.
-    A vertex is not needed if just two outline edges meet there, in line. Every run of such vertices must also lie on
-    the line between its ends, because a finely divided circle is locally straight too. Loops keep three corners."""
+    """Return (n,) True for vertices that the outlines need; each loop keeps at least three corners.
+    Vertices inside a straight edge are not needed. Only two outline edges meet at such a vertex, in line.
+    A run of such vertices must also lie on the line between its ends, because fine polygons are nearly straight."""
     a = F.ravel()[outline.h]
     alive = np.bincount(table.ends[np.unique(table.of.ravel()[outline.h])].ravel(), minlength=len(V)) > 2
     before, after = np.roll(a, 1), a[outline.next]
@@ -245,9 +245,9 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step, the first step of each loop, and the long edges: the edge of each step, the
-    vertices (e, 2) of each edge, and True for steps along their edge.
-    The faces on both sides recognise their common long edge by the smallest number of its mesh edges."""
+    """Return the first vertex of each step, the first step of each loop, and the long edges.
+    The long edges are: edge (s,) of each step, vertices (e, 2) of each edge, and (s,) True for steps along their edge.
+    A long edge of two faces is identified by the smallest number of its mesh edges."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
     run, end = ends_of_runs(is_corner, outline)

@@ -23,12 +23,13 @@ from dsfab.export.subprocesses import ProgramError
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges
 from dsfab.thickening.self_intersection import intersecting_pairs
 
-REDRAWING_ROUNDS = 2  # number of times that OCCT divides crossing curved faces again, each time four times finer
+REDRAWING_ROUNDS = 2  # largest number of times that crossing curved faces get four times finer triangles
 
 
 class StepTriangles(NamedTuple):
-    """Triangles of a STEP file: V (n, 3) distinct points in metres, F (m, 3) counter-clockwise from outside.
-    face : (m,) face of the file for each triangle.     lost : number of degenerate triangles that were dropped."""
+    """Triangles of a STEP file.
+    V    : (n, 3) different points, m.    F    : (m, 3) triangles, counter-clockwise from outside.
+    face : (m,) face of the file.         lost : number of degenerate triangles that were dropped."""
 
     V: Floats
     F: Ints
@@ -49,12 +50,11 @@ def step_triangles(mesh: StepMesh) -> StepTriangles:
 def curved_soundness(
     first_triangles: StepTriangles, deflection: float, shape: bytes, on_redraw: Callable[[], None] = lambda: None
 ) -> Soundness:
-    """Judge a solid with curved faces by its triangles.
-    deflection : largest distance of the triangles from curved faces in metres; 0 without such faces.
+    """Judge a solid with curved faces by its triangles. Raises ExportError if OCCT takes too long.
+    deflection : largest distance of the triangles from curved faces, m; 0 without such faces.
     shape      : OCCT's binary shape of the file.    on_redraw : called before faces get finer triangles.
 
-    Crossings are tested again with finer triangles; the first triangles decide about all other faults. Raises
-    ExportError if OCCT takes too long."""
+    Only crossings are tested again with finer triangles."""
     sound, triangles = soundness(first_triangles.V, first_triangles.F), first_triangles
     crossing_faces: Ints = np.zeros(0, dtype=np.int64)
     for k in range(1, REDRAWING_ROUNDS + 1):
@@ -69,7 +69,7 @@ def curved_soundness(
 
 def step_fault(path: Path, deflection: float) -> str:
     """Return the reason why a STEP file is not a solid, judged by OCCT's triangles; "" for a solid.
-    Raises ExportError if OCCT cannot read the file or takes too long. deflection : of the triangles, metres."""
+    Raises ExportError if OCCT cannot read the file or takes too long. deflection : of the triangles, m."""
     mesh = read_step(path, deflection / METRES_PER["mm"])
     return triangle_fault(step_triangles(mesh), deflection, mesh.shape)
 
@@ -99,7 +99,7 @@ def _redraw(
     sound: Soundness, first_triangles: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
     """Make finer triangles of some faces; return the new judgement and the triangles.
-    If the new triangles have another topology, they do not fit the other triangles, and all faces get finer ones."""
+    All faces get finer triangles if the new triangles have another topology and do not fit the other triangles."""
     redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
         redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))
@@ -111,7 +111,7 @@ def _redraw(
 
 def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
     """Return True for fine triangles that are an oriented manifold with the Euler number of the coarse triangles.
-    A face that OCCT omits or fails to join changes that number."""
+    A missing or loose face changes the Euler number."""
     selected = np.isin(coarse.face, fine.face)
     edges = edge_table(fine.F)
     crowded = (edges.count > 2).any() or len(duplicate_faces(fine.F))
@@ -122,7 +122,7 @@ def _euler(F: Ints) -> int:
     return len(np.unique(F)) - len(edge_table(F).ends) + len(F)
 
 
-MOST_FACES = 2000  # largest number of faces for a trial cut without a request; this takes up to 15 s
+MOST_FACES = 2000  # largest number of faces for a trial cut without a request (up to 15 s)
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class SampledUse:
 @derived
 def smooth_use(part: Part) -> SampledUse:
     """Cut the smooth file of a part once on trial, if `cut` of the part is True."""
-    most_faces = 500  # OCCT needs half a minute for 1400 faces, because each skin has the edges of all openings
+    most_faces = 500  # largest number of faces for a trial cut (half a minute for 1400 faces)
     file = smooth_file(part)
     if not part.cut or file.faces > most_faces:
         return SampledUse(False)
@@ -154,7 +154,7 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
     """Return the fault of a trial cut's halves ("" if none), and the box of both: six numbers in mm, or none."""
-    seconds = 30.0 + 0.03 * faces  # several times the usual time; volumes of smooth halves with many edges take long
+    seconds = 30.0 + 0.03 * faces  # several times the usual time
     try:
         report = occt_report("sample", str(path), seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError):
@@ -180,8 +180,8 @@ def _file(content: bytes, suffix: str = ".step") -> Iterator[Path]:
 
 
 def box_fault(part: Part, bounds: list[float], limits: SmoothLimits, share: float = 1e-2) -> str:
-    """Return the fault of OCCT's bounding box of a part's file, six numbers in mm; "" if the box fits.
-    share : largest error, as a fraction of the part's diagonal."""
+    """Return the fault of OCCT's bounding box of a part's file; "" if the box fits.
+    bounds : six numbers of OCCT's box, mm.    share : largest error / diagonal of the part."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     distance = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
     is_far = distance > share * size + limits.distance + limits.usual_chord

@@ -34,13 +34,12 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 QUICK_FACTOR = 3
-"""With `quick`, a smooth file is the last attempt, so it may have this multiple of the usual numbers of walls and
-layouts. OCCT may refuse a face with a seam close to an opening; another layout (5 to 10 s) has its seams elsewhere. Of
-ten user surfaces four failed in the first layout; three of these passed in the second and one in the third."""
+"""Largest number of walls and of layouts of a smooth file with step = 'quick', as multiples of the usual numbers.
+If OCCT refuses the first layout, another one often succeeds, because its seams lie elsewhere."""
 
 MEMBER_FACES_FACTOR = 2
-"""If facets exceed the budget, `auto` allows this multiple of the usual number of faces by members. Otherwise only a
-smooth file remains, which CAD programs fail to cut: all eight cuts of a cylinder at 45 degrees failed."""
+"""Largest number of faces by members / usual number, if facets exceed the budget in step = 'auto'.
+CAD programs usually fail to cut the smooth file that would be the next attempt."""
 
 
 def prepare(part: Part) -> Part:
@@ -61,8 +60,8 @@ def prepare(part: Part) -> Part:
 
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
     """Yield the part with each strategy in turn, the best first, or the BudgetError of a strategy above the budget.
-    A solid is simplified before faceting if the user gave a tolerance; otherwise only if all other strategies fail."""
-    tighter = 1 / 4  # a second planar file has this fraction of the tolerance, in case curves crossed in a narrow place
+    A solid is simplified before faceting if the user sets a tolerance; otherwise only if all other strategies fail."""
+    tighter = 1 / 4  # tolerance of a second planar file / tolerance of the first, in which curves may cross
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
         yield part
@@ -97,7 +96,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 def _worth_members(part: Part) -> bool:
     """Return True if members are tried without a request: the sheet has stripes and, if step = 'quick', a boundary.
-    A smooth file takes half of the time, but CAD programs fail to cut it: of 24 half-space cuts one was valid."""
+    CAD programs usually fail to cut smooth files, but not files by members."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
 
@@ -112,9 +111,9 @@ def _striped_sheet(part: Part) -> Curved | None:
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
     """Yield the attempts that remain after a faceted part was refused.
-    members : the part with the strategy members, or None if slow attempts are not allowed.
-    quick   : stop if the first simplification is far over the limit."""
-    far_factor = 2  # further tries do not help if the faces are more than twice the allowed number
+    members : the part with the strategy members; None if slow attempts are not allowed.
+    quick   : True to stop if the first simplification is far over the limit."""
+    far_factor = 2  # number of faces / allowed number above which further tries do not help
     is_far = False
     if not part.tolerance:
         simple = _simpler_or_error(part, usual_tolerance(part))
@@ -144,9 +143,8 @@ def simpler(part: Part, tolerance: float) -> Part:
 
 
 def default_tolerance(part: Part) -> float:
-    """Return the default tolerance of a planar file, millimetres.
-    The tolerance is 0 for a solid that is neither flat nor folded, or whose folds are not creases. If the user requests
-    `planar`, folds need not be creases."""
+    """Return the default tolerance of a planar file, mm; 0 for a solid that is neither flat nor folded.
+    Folds must be creases unless the user requests `planar`."""
     try:
         return OUTLINE * outlines_of(part).thickness
     except ExportError:
@@ -156,7 +154,7 @@ def default_tolerance(part: Part) -> float:
 
 def _may_be_planar(part: Part) -> bool:
     """Return False for the mesh of a curved sheet: flat facets without creases between them.
-    This quick test needs no mitres and outlines, which take seconds if each facet is one triangle."""
+    This test is faster than mitres and outlines of facets that are single triangles."""
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
 
@@ -245,10 +243,10 @@ class Estimate:
     """Estimated cost of one strategy.
 
     way           : planar, members, smooth, faceted, simplified (and then faceted), tessellated.
-    faces         : of the file; triangles for tessellated; 0 if the strategy fails.
+    faces         : number of faces of the file, or of triangles for tessellated; 0 if the strategy fails.
     size, memory  : bytes.
-    write_seconds : to write and read back.
-    open_seconds  : for another program to open the file.
+    write_seconds : time to write the file and to read it back.
+    open_seconds  : time for another program to open the file.
     note          : distance from the mesh, and warnings.
     refused       : reason for the refusal; "" if there is none.
     chosen        : True if `write` would use this strategy."""
@@ -266,7 +264,7 @@ class Estimate:
 
 def estimates(part: Part) -> tuple[Estimate, ...]:
     """Estimate the cost of each strategy for a prepared part, best first, and mark the one that `write` would use.
-    Nothing is written, and OCCT checks nothing, so a chosen strategy may still be refused."""
+    OCCT may still refuse the file of this strategy, because the estimate writes and checks nothing."""
     by_strategy, taken = dict[str, Estimate](), ""
     for attempt in attempts(part):
         estimate = _estimate(attempt) if isinstance(attempt, Part) else _refusal(attempt)

@@ -16,14 +16,14 @@ from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, sig
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
-TOUCHING_SHARE = 1 / 400  # parts of an outline touch below this distance, as a fraction of the thickness
+TOUCHING_SHARE = 1 / 400  # distance below which parts of an outline touch / thickness
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
     """Return the chains around a region that cross or nearly touch each other, seen along the region's mean normal.
-    Chains nearly touch if an end of one is within `distance` mm of the other. If the region is inside out, all chains
-    are returned."""
-    finest = 12  # a cubic gets at most 12 chords; the chords are short at its ends, where chains cross at small angles
+    Two chains nearly touch if an end of one chain is within `distance` mm of the other chain.
+    If the region is inside out, the result is all its chains."""
+    finest = 12  # a cubic gets at most 12 chords; the chords at its ends are short
     segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
     spans = [len(curves[k].spans) for k, _ in steps]
@@ -149,8 +149,8 @@ def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
 
 
 def _turns_back(curve: Spline) -> bool:
-    most_spans = 4  # a chain with more spans is too wavy for a side of a patch
-    detour = 1.5  # a hairpin has at least 1.5 times the length of its chord; half a circle has 1.57 times
+    most_spans = 4  # a chain with more spans is too wavy
+    detour = 1.5  # smallest length of a hairpin / length of its chord; 1.57 for half a circle
     line = curve(PLACES)
     return (
         polyline_length(line) > detour * float(np.linalg.norm(line[-1] - line[0]))
@@ -159,7 +159,7 @@ def _turns_back(curve: Spline) -> bool:
 
 
 def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> ChainNet:
-    least_cosine = 0.5  # each normal of a joined region is at most 60 degrees from their mean
+    least_cosine = 0.5  # normals of a joined region are at most 60 degrees from their mean
     for k in hairpins:
         chain = net.chains.get(k)
         if chain is None or chain.left == chain.right:
@@ -183,7 +183,7 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """Move ends of borders along round corners until they meet the outline at large angles; thickness in mm."""
-    rounds = 3  # in each round an end moves along one chain; a corner may have several chains
+    rounds = 3  # a corner may have several chains, and in each round an end moves along one chain
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
@@ -205,7 +205,7 @@ class _BorderEnds:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def move_border(self, node: int) -> None:
-        sharp = 20.0  # degrees; borders at smaller bends of the outline stay; moving them gave a dome 5 % more faces
+        sharp = 20.0  # degrees; borders at smaller bends of the outline do not move
         gain = 15.0  # degrees; the angle with the outline must grow by this
         steep = 30.0  # degrees; a border with this angle to the outline is not moved
         before, after, (seam, end) = self.nodes[node]

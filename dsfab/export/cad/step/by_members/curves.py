@@ -193,7 +193,7 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
     return result
 
 
-PARABOLA_SHARE = 1 / 10  # largest distance of a parabola from its cubic, as a fraction of the allowed one
+PARABOLA_SHARE = 1 / 10  # largest distance of a parabola from its cubic / allowed distance from the mesh
 ZERO_DIFFERENCE = 1e-8  # smaller third differences (mm) are rounding errors
 
 BOW_FACTOR = np.sqrt(3) / 36
@@ -203,7 +203,7 @@ BOW_FACTOR = np.sqrt(3) / 36
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
     """Replace each curve whose cubics are nearly parabolas by parabolas.
     distance : allowed distance of a solid from its mesh, mm.
-    box      : (2, 3) box around the skins. Poles of parabolas may be at most `distance` outside the box."""
+    box      : (2, 3) box around the skins. Poles of parabolas are at most `distance` outside the box."""
     wide, tolerance = box + distance * np.array([[-1.0], [1.0]]), PARABOLA_SHARE * distance
     simple = [_are_parabolas(curve.spans, tolerance, wide) for curve in curves]
     return [replace(c, spans=as_parabolas(c.spans, 1)) if yes else c for c, yes in zip(curves, simple, strict=True)]
@@ -218,7 +218,7 @@ def as_parabolas(P: Floats, axis: int) -> Floats:
 
 def patches_as_parabolas(P: Floats, distance: float) -> Floats:
     """Lower the degree of patches (ku, kv, 4, 4, 6) to 2 in each direction in which the sides are parabolas.
-    No pole moves by more than `PARABOLA_SHARE` of the allowed `distance` from the mesh, mm; the sides do not change."""
+    The sides do not change. Other poles move by at most `PARABOLA_SHARE` of the allowed `distance` (mm)."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
         if np.abs(_third(sides.swapaxes(0, -2))).max() < ZERO_DIFFERENCE:
             Q = as_parabolas(P, axis)

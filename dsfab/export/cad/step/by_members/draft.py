@@ -48,8 +48,7 @@ from dsfab.export.part import Part, StripedSheet
 from dsfab.surface import edge_table, link_components
 
 EDGE_DIGITS = 7
-"""Decimals of the coordinates of edges (mm). OCCT ignores gaps below 1e-7 mm between an edge and the side of its
-patch. When OCCT shortens an edge, a larger gap may grow slightly, and the edge becomes invalid."""
+"""Decimals of the coordinates of edges (mm). OCCT accepts gaps below 1e-7 mm between an edge and its patch."""
 
 
 class NetWriter:
@@ -150,9 +149,9 @@ class NetWriter:
         return self.new.spline_surface((j - 1, k - 1), rows, bezier_knots(j), bezier_knots(k))
 
 
-GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges, as a fraction of the thickness
+GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges / thickness
 PASSES = 3  # number of attempts; after a change other outlines may cross
-UNASKED = 7000  # largest number of faces if the user did not request members; more take over half a minute
+UNASKED = 7000  # largest number of faces without a request for members; more faces take over half a minute
 
 
 class ManyFacesError(ExportError):
@@ -172,14 +171,13 @@ class MemberDraft:
 
 def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
     """Encode a part without checks. Raises ExportError if that fails, and ManyFacesError for too many faces.
-    fine : True to measure the distance of faces from the mesh, keep borders near the skins, and use more points in
-           long triangles, see `RegionInterior`."""
+    fine : True for a slower search: it measures distances from the mesh, and keeps borders near the skins."""
     with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)
 
 
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
-    least_walls = 3 / 4  # smallest fraction of outline chains that become walls; usually 14 of 15 chains do
+    least_walls = 3 / 4  # smallest expected fraction of outline chains that become walls
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, but they are unknown")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
@@ -227,8 +225,8 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
     """Return the simplified net of a piece of the sheet."""
-    lens_share = 1 / 3  # a region between two chains is removed if it is narrower than this fraction of the thickness
-    wall_share = 1 / 20  # a wall between two borders is removed if it is shorter than this fraction of the thickness
+    lens_share = 1 / 3  # smallest width of a region between two chains / thickness
+    wall_share = 1 / 20  # smallest length of a wall between two borders / thickness
     t, skins = plan.limits.thickness, lifting.skins
     creased = lifting.sides.lines_on_creases if len(lifting.sides.creases) else None
     net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)
@@ -358,12 +356,12 @@ class _Fits:
 
 
 def _wanted_gap(thickness: float) -> float:
-    # Smaller gaps, of 0.004 mm in a sheet of 16 mm, made most trimmed faces degree 4 to 7 with a third more poles.
+    # Smaller gaps would need faces of higher degrees, with more poles.
     narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough if it is below both limits
     return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))
 
 
 def _wide_box(skins: Floats) -> Floats:
-    # Without a limit, poles at the rim of a vault of 12 m lay 170 mm above its surface, and OCCT's box contained them.
+    # OCCT's bounding box contains all poles, so poles must not lie far outside the skins.
     share = 1 / 300  # poles may lie outside the box by this fraction of its diagonal
     return np.asarray(skins + share * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))

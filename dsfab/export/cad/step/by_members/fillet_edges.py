@@ -37,7 +37,8 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
     """Return ends (2, 2, 2) of curves (4, 6) in the parameters of a patch; None unless the curves run along its side.
-    edge : (4, 6) edge that the curves extend.    share : (2,) extensions at start and end, as fractions of the edge."""
+    edge  : (4, 6) poles of the edge that the curves extend.
+    share : (2,) extensions at start and end, as fractions of the edge."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -66,27 +67,25 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
     return bool(np.abs(points - bernstein(PLACES) @ poles).max() < FACE_TOLERANCE)
 
 
-FILLET_SHARE = 1 / 6  # radius of a fillet / thickness; seams extend by this radius times tan(angle of the bend / 2)
-MARGIN = 0.1  # surfaces extend farther than the seam by this fraction of the seam's extension
+FILLET_SHARE = 1 / 6  # radius of a fillet / thickness; seams extend by radius * tan(bend / 2)
+MARGIN = 0.1  # a surface extends beyond its extended seam by this fraction of the seam's extension
 
 LARGE_FILLET_SHARE = 1 / 8
-"""Radius of the largest fillet at a seam that continues a wall's edge, as a fraction of the thickness. OCCT extends the
-patch there along its tangents, and the gap at the fillet's end becomes the seam's tolerance. If this tolerance is above
-1e-4 mm, OCCT reverses the seam, and the solid is invalid."""
+"""Radius of the largest fillet at a seam that continues a wall's edge, as a fraction of the thickness.
+OCCT extends the patch at such a seam along its tangents. Larger fillets have larger gaps, and are invalid."""
 
 TANGENT_GAP = 3e-5
-"""Wanted gap (mm) at the end of the fillet. With a smaller gap, extended seams were up to 2e-6 mm away from the patch
-on their other side, because the parameter of the wall's edge is not the patch's."""
+"""Wanted gap (mm) at the end of the fillet. With smaller gaps, extended seams leave the patch on their other side."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face. Extended seams were up to
-1.4e-5 mm away from the face; after the movement OCCT gives them a tolerance of 4e-5 mm."""
+"""Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face.
+After the movement, OCCT gives the seam a tolerance of 4e-5 mm. The seam needs 1.4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
-    """Extended seam, or the edge of a wall beside a corner where an extended seam ends. poles : (4, 6), mm.
-    on : for each face (patches first, then trimmed faces), poles (2, k, 2) in the parameters of its two surfaces."""
+    """Extended seam, or a wall's edge beside a corner where an extended seam ends. poles : (4, 6), mm.
+    on : (2, k, 2) poles in the parameters of both surfaces of a face, by face: patches first, then trimmed faces."""
 
     poles: Floats
     on: dict[int, Floats]
@@ -137,8 +136,8 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend seams and their surfaces, except a seam that would leave one of its faces.
-    Return the model, the trimmed faces, and, by edge number, the extended seams and the walls' edges beside them."""
+    """Extend seams and their surfaces, except seams that would leave one of their faces.
+    Return the model, the trimmed faces, and the extended curves by edge number, also of walls' edges beside seams."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -200,7 +199,7 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
-    wider = 1 / 100  # growth of a patch / thickness; a seam that OCCT extends must lie on it
+    wider = 1 / 100  # growth of a patch / thickness; the patch must contain the seam that OCCT extends
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
@@ -255,20 +254,19 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
     return np.stack(parts)
 
 
-CLEAR_EDGE = 1 / 7  # a wall's edge is not cut where a fillet ends, up to this radius / thickness
+CLEAR_EDGE = 1 / 7  # cuts of a wall's edge lie beyond the ends of fillets of this radius / thickness
 
 LONGEST_SHARE = 4.0
 """Largest length of an edge at a corner, divided by the thickness and by the tangent of half the bend (at most 1).
-OCCT searches the end of a fillet with few samples of the edge. If the fillet takes less than 1.5 % of the edge, OCCT
-may find the edge's far end: fillets of 5 mm on 700 mm and of 2 mm on 180 mm failed."""
+OCCT searches the end of a fillet with few samples of the edge. On a longer edge it may find the far end."""
 
 DENSE = np.linspace(0, 1, 129)  # parameters where an edge is compared with its trimmed face
 
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Put the walls around each outline, and their edges, in the order that OCCT needs for fillets.
-    An outline begins at its smoothest joint of two walls. If this joint has an angle, the first wall needs an edge that
-    ends at each of its two corners: a single edge is cut in two, and the first edge is reversed."""
+    An outline begins at its smoothest joint of two walls. If this joint has an angle, the first wall needs two edges,
+    one for each corner, so a single edge is cut in two. The first edge is then reversed."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -301,9 +299,9 @@ def _stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
     """Return the places of cuts of an edge with corners, as fractions of its length.
-    No gap to the trimmed face between a corner and its cut may be wider than the gaps at the corner and at the cut.
-    corners : tangents of half the bend at start and end, 0 without a corner.
-    ending  : True at a corner where the directed edge ends; the cut is then at most `LONGEST_SHARE` away."""
+    Between a corner and its cut, no gap to the trimmed face is wider than the gaps at the corner and at the cut.
+    corners : tangents of half the bend at start and end; 0 if there is no corner.
+    ending  : True at a corner where the directed edge ends; its cut is at most `LONGEST_SHARE` away."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)

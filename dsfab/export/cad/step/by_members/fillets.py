@@ -39,7 +39,7 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
     """Remove walls shorter than `shortest` mm between the ends of two borders; both borders then end in one place.
-    With short walls, OCCT failed to round most edges where members meet supports."""
+    OCCT fails to round most edges beside short walls."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
@@ -150,8 +150,7 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        # Largest length of a fillet's inner borders divided by that of its arc; the second value is for two members.
-        # The ratio is 1.27 for a right angle, 1.65 for 60 degrees, and 3 for a square.
+        # Largest length of a fillet's inner borders / length of its arc; the second value is for two members.
         detour, flat_detour = 2.2, 4.0
         if len(self.loops[region]) != 1:
             return

@@ -15,9 +15,9 @@ from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.by_members.curves import SAMPLES_PER_EDGE, ChainCurve, SampledChain, on_skins, parts_of
 from dsfab.export.cad.step.by_members.regions import VOID, ChainLoop, ChainNet, ends_at, outline_through, turns
 
-LinePart = tuple[int, float, float]  # part of a line: the line's number, and the parameters where it begins and ends
+LinePart = tuple[int, float, float]  # part of a line: number of the line, parameters of both ends of the part
 
-ChainEnd = tuple[int, int]  # end of a chain: number of the chain, and 0 for its first point or -1 for its last
+ChainEnd = tuple[int, int]  # end of a chain: number of the chain, index (0 or -1) of the end point
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +54,8 @@ class ChainLine:
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
         """Halve cubics until `may_stay` accepts them. The cut is at the end of a chain if one is near the middle."""
-        shortest = 1 / 16  # shorter spans are not divided, because poles at the ends of lines may lie outside the box
-        middle_share = 1 / 4  # an end of a chain is near the middle up to this fraction of the cubic
+        shortest = 1 / 16  # shortest span that is divided; otherwise, division may never end
+        middle_share = 1 / 4  # largest distance of a cut from the middle of a cubic / length of the cubic
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -168,7 +168,7 @@ def with_twins(lines: NetLines) -> NetLines:
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
     """Return the points (6,) where chains of a line join, by node.
-    A line moves with its ends, which may be such points of other lines. So the points solve a linear system."""
+    The ends of a line may be such points of other lines, so a linear system determines all points."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -203,9 +203,9 @@ def end_of(step: tuple[int, bool]) -> ChainEnd:
     return step[0], -1 if step[1] else 0
 
 
-CORNER_ANGLE = np.deg2rad(50.0)  # an outline has a corner where two chains meet with at least this bend (radians)
+CORNER_ANGLE = np.deg2rad(50.0)  # smallest bend between two chains at a corner of an outline, radians
 
-BEND_ANGLE = np.deg2rad(10.0)  # an outline is round at a vertex with at least this bend (radians), see `ROUND_COSINE`
+BEND_ANGLE = np.deg2rad(10.0)  # smallest bend at a vertex of a round outline, radians, as in `ROUND_COSINE`
 
 
 class ArcsOnSkins:
@@ -231,7 +231,7 @@ def with_arcs(
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
     """Replace lines along round corners by arcs. tolerances : mm, by chain. rounded : chains of round corners."""
-    rounds = 4  # without a refused arc its neighbours change, and may be refused in the next round
+    rounds = 4  # removal of a bad arc changes its neighbours, which may then be bad, too
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(rounds):
@@ -316,7 +316,7 @@ class _Corners:
         return self.known[kind]
 
     def _way(self, node: int, before: int, after: int) -> Floats | None:
-        flattest = 25.0  # a border meets an arc at 25 degrees or more, because patches in narrower wedges are folded
+        flattest = 25.0  # smallest angle between border and arc, degrees; narrower patches are folded
         P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
         way_before, way_after = _scaled_direction(P[3] - P[2]), _scaled_direction(Q[1] - Q[0])
         if _mean_direction(way_before) @ _mean_direction(way_after) < np.cos(CORNER_ANGLE):
@@ -367,7 +367,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
     """Return the arc between two points (6,) with directions (6,); None if the arc would bend too much.
-    The arc is the cubic nearest to a circle; its inner poles are chord / (3 cos^2(bend / 4)) away from its ends."""
+    The arc is the cubic nearest to a circle. Its handles are chord / (3 cos^2(bend / 4)) long."""
     widest = 80.0  # degrees; largest angle between chord and direction
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))

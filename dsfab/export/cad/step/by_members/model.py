@@ -48,8 +48,8 @@ class NetPatch:
 class NetModel:
     """Boundary model of a solid by members.
     vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches.
-    compact  : trimmed regions with four sides, which could be divided into patches.
-    seam     : True for a one-sided surface that was cut open; there the outer skin becomes the inner skin."""
+    compact  : trimmed regions with four sides.
+    seam     : True for a one-sided surface that was cut open. At this seam the outer skin meets the inner skin."""
 
     vertices: list[Floats] = field(default_factory=list)
     edges: list[NetEdge] = field(default_factory=list)
@@ -97,7 +97,7 @@ def net_model(
     patched: Collection[int] = (),
 ) -> NetModel:
     """Build the model of a net.
-    covering : builds patches; a region whose patches are bad is trimmed.
+    covering : builder of patches. Regions with bad patches become trimmed faces.
     patched  : four-sided regions that may have more than `MOST_CELLS` patches."""
     stations, quad_list = SideStations(lines, chains), list(quads)
     whole_quads = [quad for quad in quad_list if quad.region not in patched and stations.cells(quad) > MOST_CELLS]
@@ -216,7 +216,7 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # outline / mean width: 8 for a square, 9 for a row of two squares, 10.7 for a row of three
+    limit = 10.0  # outline / mean width: 8 for a square, 10.7 for a row of three squares
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
@@ -225,9 +225,9 @@ def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
 @dataclass(frozen=True)
 class FilledCorner:
     """Corner that a fillet fills with material, and where one seam ends.
-    seam, end : edge of the seam, and its end at the corner: 0 for the first, 1 for the last.
-    half      : tangent of half the bend angle.    beside : edges of the walls before and after the corner.
-    straight  : edge of a wall that the seam continues, or None."""
+    seam     : edge of the seam.    end : end of the seam at the corner: 0 for the first, 1 for the last.
+    half     : tangent of half the bend angle.    beside : edges of the walls before and after the corner.
+    straight : edge of a wall that continues the seam; None if there is no such edge."""
 
     vertex: int
     seam: int
@@ -244,7 +244,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
     """Return the corners that a fillet fills and where exactly one seam ends; none for a one-sided surface."""
-    straight_cosine = np.cos(0.01)  # within 0.01 radians OCCT (8.0) treats a seam as the continuation of a wall's edge
+    straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians between a seam and its continuation
     if model.seam:
         return []
     walls = {e for wall in model.walls for e, _ in wall.steps}

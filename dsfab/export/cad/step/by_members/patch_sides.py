@@ -27,7 +27,7 @@ from dsfab.export.cad.step.by_members.regions import VOID, ChainLoop, ChainNet, 
 from dsfab.export.cad.step.shared.skins import LOOP_SHARE, OUTLINE_SHARE
 from dsfab.export.splines import bernstein, polyline_length
 
-REACH_SHARE = 3 / 4  # length of a chain on which its direction is measured, as a fraction of the thickness
+REACH_SHARE = 3 / 4  # length of a chain on which its direction is measured / thickness
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +156,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # an existing station is used if it is closer than this fraction of the stations' distance
+        snap_share = 0.15  # distance below which an existing station is used / distance from the next station
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -171,7 +171,7 @@ class SideStations:
 
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
-    """Pair the stations of two opposite sides; return them as ascending fractions (k,) of the length of each side.
+    """Pair the stations of two opposite sides; return their positions (k,), ascending, as fractions of each side.
     Neighbouring stations form pairs. A station without a partner gets a new one, interpolated between pairs."""
     tolerance = 0.1  # paired stations differ by at most this fraction of a side
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
@@ -193,14 +193,13 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Fraction of the mesh's chord error in the tolerance of lines. With 1/2, as for walls of smooth solids, a torus was
-3.8 mm away from its mesh where 3.4 mm are allowed, because the curves later move onto wavy skins."""
+"""Fraction of the mesh's chord error in the tolerance of lines. Larger tolerances move tori too far from the mesh."""
 
 
 class LineFits:
     """Fits of lines, with a cache for chains with unchanged points.
     distance : allowed distance of a solid from the mesh, mm.    box : (2, 3) box that must hold the poles, mm.
-    skins    : (2, 3) box around the skins, which must hold the poles of a parabola, mm.
+    skins    : (2, 3) box around the skins, which must hold the poles of parabolas, mm.
     away     : function of points (k, 6); returns vectors to both skins.
     closely  : True to halve cubics that leave the skins."""
 
@@ -251,7 +250,7 @@ class LineFits:
         return [len(x.steps) == 1 or fewer.get(id(x), len(x.curve.spans) == 1 and self._is_near(net, x)) for x in lines]
 
     def _is_near(self, net: ChainNet, line: ChainLine) -> bool:
-        least_distance = 0.1  # ends of chains are at least this fraction of a span away from breaks
+        least_distance = 0.1  # smallest distance between ends of chains and breaks / length of a span
         nodes, breaks = line.at[1:-1], line.curve.breaks
         if not len(nodes) or line.curve.off > self._tolerance(line.steps) or len(set(ends_of(net, line))) == 1:
             return False
@@ -268,8 +267,7 @@ class LineFits:
         return [self.pulled[id(line)][1] for line in lines]
 
     def _halve_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
-        """Halve the cubics that leave the skins after `on_skins`, which moves only some of their points onto the skins.
-        Without this step, a patch was 1.5 mm away from a mesh point, where 1.49 mm are allowed."""
+        """Halve the cubics that leave the skins; `on_skins` moves only some of their points onto the skins."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
@@ -315,9 +313,9 @@ def _turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd,
 
 
 def _links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
-    """Pair the ends of chains where one line continues: between chains of a region's side, and along smooth outlines.
+    """Pair the ends of chains where one line continues: along a side of a region, and along smooth outlines.
     An arc may continue an outline, but not a border between members."""
-    smooth = 10.0  # two chains of an outline become one line if the bend between them is at most 10 degrees
+    smooth = 10.0  # largest bend, degrees, between two chains of an outline that become one line
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:
         for side in quad.sides:

@@ -14,7 +14,7 @@ from dsfab.export.splines import bernstein
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
     """Return the parameters (k, 2) of points (k, 3) on a surface with poles (p + 1, p + 1, 3).
-    Seen along the third axis, the poles lie evenly in a parallelogram."""
+    The poles lie evenly in a parallelogram if the surface is seen along the third axis."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
@@ -70,9 +70,9 @@ ROWS = rows_at(PLACES)
 class FaceLimits:
     """Limits of faces, millimetres.
     gap : largest gap between trimmed faces and their edges.
-    off : largest distance of a face from the points that it is fitted to, inside its edges.
+    off : largest distance of a face from the points inside its edges to which the face is fitted.
     box : (2, 3) box that must hold the poles.
-    beyond_mesh : function of points (k, 3): distance from the mesh minus the allowed one (k,); None: no limit."""
+    beyond_mesh : None, or function of points (k, 3) that returns distance from the mesh - allowed distance (k,)."""
 
     gap: float
     off: float
@@ -85,7 +85,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return by how much surfaces inside outlines (., 3) exceed the allowed distance from the mesh, or -inf."""
+    """Return by how much surfaces inside outlines (., 3) are too far from the mesh, mm; -inf if no limit is set."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -129,8 +129,8 @@ def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_pol
 
 
 def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats], Floats]) -> list[Floats]:
-    """Move inner poles of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and joints stay smooth.
-    vectors_to_skins : returns the vectors from points (k, d) to the skins."""
+    """Move inner poles of patches (ku, kv, 4, 4, d) onto the skins. Borders do not move, and joints stay smooth.
+    vectors_to_skins : function of points (k, d); returns the vectors to the skins."""
     sides = [((P[:, 0, :, 0], P[:, -1, :, -1]), (P[0, :, 0], P[-1, :, -1])) for P in grids]
     splines = [[InnerSpline.from_breaks(_break_shares(*pair)) for pair in pairs] for pairs in sides]
     place_points = list[Floats]()
@@ -161,7 +161,7 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 def least_jacobian(P: Floats) -> float:
     """Return the smallest Jacobian of a patch divided by its largest; the minimum of all patches (..., 4, 4, 3).
-    The Jacobian is the component of the surface's normal vector along the patch's mean normal."""
+    This Jacobian is the component of the surface's normal vector along the patch's mean normal."""
     P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
     B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
@@ -172,8 +172,8 @@ def least_jacobian(P: Floats) -> float:
 
 
 class PatchBuilder:
-    """Builder of patches, with a cache by region and curves, because each change of a net affects few regions.
-    away : function of points (k, 6); returns the vectors to both skins.
+    """Builder of patches, with a cache by region and curves.
+    away   : function of points (k, 6); returns the vectors to both skins.
     limits : allowed distances of the patches from the skins and from the mesh."""
 
     def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
@@ -182,7 +182,7 @@ class PatchBuilder:
 
     def __call__(self, regions: Sequence[int], sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
         """Return the poles (ku, kv, 4, 4, 6) of each region; None if its patches are folded or far from the skins.
-        sides : bottom, right, top and left side of each region, see `coons`."""
+        sides : bottom, right, top and left side of each region, as in `coons`."""
         poles = [[side.tobytes() for side in four] for four in sides]
         changed = [i for i, region in enumerate(regions) if self.known.get(region, ((),))[0] != poles[i]]
         for i, P in zip(changed, self._build([sides[i] for i in changed]), strict=True):
@@ -214,8 +214,8 @@ def _starts(parts: Sequence[Floats]) -> Ints:
 
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """(k,) by how much the patches of each region exceed the allowed distance from the mesh; -inf without a limit.
-    Beside a crease, the middle of a patch lay on the skins, but its side was 1.4 mm from the mesh (1.1 are allowed)."""
+    """Return by how much (k,) the patches of each region exceed the allowed distance from the mesh; -inf if no
+    limit is set."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))

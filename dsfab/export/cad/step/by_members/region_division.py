@@ -63,7 +63,7 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
 
 def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
     """Return the positions in a region's loop of two long walls that are not adjacent; None without such walls."""
-    long = 1.5  # both walls of a member are at least 1.5 times as long as the distance between them
+    long = 1.5  # smallest length of a member's walls / distance between the walls
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
     loop = loops[0]
@@ -135,7 +135,7 @@ class _BendSeams:
         return float((N @ mean).min() / max(np.linalg.norm(mean), 1e-300))
 
     def is_stout(self, region: int) -> bool:
-        stout_limit = 32.0  # outline^2 / area: 16 for a square, 29 for a row of five squares
+        stout_limit = 32.0  # largest outline^2 / area; 16 for a square, 29 for a row of five squares
         area = np.linalg.norm(self.N[self.net.cell == region], axis=1).sum() / 2
         outline = sum(self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0])
         return bool(outline**2 < stout_limit * area)
@@ -153,8 +153,8 @@ class _BendSeams:
         return -1 if seam is None else self._with_seam(region, *seam)
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
-        most_left = 0.8  # largest cost after the division: remaining bending plus seam; the cost before is 1
-        seam_cost = 0.1  # cost of a seam whose length is the square root of the region's area
+        most_left = 0.8  # largest cost (bending plus seam) after the division / cost before
+        seam_cost = 0.1  # cost of a seam as long as the square root of the region's area
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
         whole_spread, size = self._normal_spread(cells), np.sqrt(np.linalg.norm(self.N[cells], axis=1).sum())

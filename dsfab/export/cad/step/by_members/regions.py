@@ -15,11 +15,11 @@ from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, ne
 CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest bend of an outline that is a corner
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
-"""Cosine of the smallest bend at a vertex of a round corner. Nodes mark the ends of round corners. Bends are measured
-in the plane of the sheet, because an outline also follows the bends of a coarse mesh."""
+"""Cosine of the smallest bend at a vertex of a round corner. Nodes mark the ends of round corners.
+Bends are measured in the plane of the sheet, because an outline also follows the bends of a coarse mesh."""
 
 VOID = -1  # number in place of a region, for the space beyond an outline
-ChainLoop = list[tuple[int, bool]]  # chains in order; True means that the loop runs along the chain, False against it
+ChainLoop = list[tuple[int, bool]]  # chain numbers in order; True if the loop runs along the chain
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +46,11 @@ class Chain:
 
 @dataclass(frozen=True, eq=False)
 class ChainNet:
-    """Regions of a sheet and the chains of mesh edges between them.
+    """Regions of a sheet and the chains of mesh edges between regions.
     weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
     loops   : by region, with the region on the left.    loose : regions outside of all stripes.
-    cell    : (m,) region of each cell of the sheet.
-    parent  : for each region that was cut off another region, the other's number, which `cell` has for both.
+    cell    : (m,) region of each cell of the sheet. Cut-off regions have the number of their parent.
+    parent  : by number of a cut-off region, number of the region that it was cut from.
     twins   : pairs of points on both sides of a seam, see `StripedSheet`."""
 
     weights: csr_array
@@ -116,8 +116,8 @@ def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
     """Return the connected region (m,) of each cell, and the numbers of regions outside of all stripes.
-    apart : (i,) True for pairs of neighbours with a crease between them."""
-    sliver = 1 / 4  # a region with a smaller square root of its area / thickness joins a neighbour
+    apart : (i,) True for pairs of neighbouring cells with a crease between them."""
+    sliver = 1 / 4  # smallest square root of a region's area / thickness; smaller regions join a neighbour
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])
@@ -182,7 +182,7 @@ class _BorderWalk:
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
         """Return the (k,) border half-edges where a round corner of the outline begins or ends.
-        bent, void : (k,) True for half-edges where the outline bends, and for half-edges of the outline."""
+        bent : (k,) True for half-edges where the outline bends.    void : (k,) True for half-edges of the outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]
@@ -290,7 +290,7 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
     """Remove regions of two chains that are narrower than `width`. P : (p, 3) points of the net.
-    Such a region joins a neighbour, because its two chains could cross when they are straightened."""
+    Such a region joins a neighbour, because its two chains could cross after they are straightened."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
@@ -322,11 +322,10 @@ def vector_area(line: Floats) -> Floats:
 
 
 INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-"""Barycentric points of each cell near which a trimmed face must pass. With only the centre, the face may be wavy."""
+"""Barycentric points of each cell near which a trimmed face must pass. Centres alone would allow waves."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""Extra points in cells longer than the thickness. In triangles of 180 mm in a sheet of 100 mm, a surface of degree 9
-had waves of 6 mm between four points."""
+"""Barycentric points to be added in cells longer than the thickness. They prevent waves between points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -359,8 +358,7 @@ class RegionInterior:
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
         """Return (m,) True for cells with a side longer than the thickness, or long beside their region's size (m,)."""
-        # With points only every 50 mm, a surface of degree 9 had waves of 4 mm in a notched region of 200 mm.
-        region_share = 1 / 6
+        region_share = 1 / 6  # longest side of a cell without additional points / size of the region
         P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)
         return np.asarray(long > np.minimum(self.thickness, region_share * size))

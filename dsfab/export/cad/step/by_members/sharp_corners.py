@@ -48,7 +48,7 @@ class Rims:
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
         """Return the changes that move the rims at sharp corners of a face onto the face; None without such rims.
-        on_seams : True if the face contains the seams at its corners; then rims that meet these can move, too."""
+        on_seams : True if the face contains the seams at its corners; then rims that meet these seams can also move."""
         nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # heights at 4 places determine a cubic
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -91,11 +91,11 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
     return {e for loop in face.loops for e, _ in loop}
 
 
-FILLET_SHARE = 1 / 6  # radius / thickness of the largest fillet that needs an edge exactly on the surface
+FILLET_SHARE = 1 / 6  # largest radius / thickness of a fillet whose edge must lie exactly on the surface
 
 INNER_SHARE = 6 / 7
-"""Smallest radius of a fillet on the inner skin, as a fraction of the outer radius. Around one opening the inner edge
-was a quarter shorter, and fillets of 2 mm in a sheet of 16 mm needed more than the whole edge."""
+"""Smallest radius of a fillet on the inner skin, as a fraction of the radius on the outer skin.
+Edges on the inner skin are shorter at openings, so large fillets do not fit there."""
 
 TEST_PLACES = np.linspace(0, 1, 33)  # parameters where an edge is compared with a surface, or cut
 
@@ -105,13 +105,13 @@ FLUSH_TOLERANCE = 1e-6
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
 """Basis at places where a surface must not move; without these places a surface of a sphere of 2 m moved by 1.4 mm."""
 
-MOVED = 1 / 400  # largest movement of the inside of a face, as a fraction of the thickness
+MOVED = 1 / 400  # largest movement of the inside of a face / thickness
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Cut edges at sharp corners beside trimmed faces, and move these faces exactly onto the parts at the corners.
-    If this fails within the limits `SPLIT` and `MOVED`, the face stays. The edges of its walls then move onto the face,
-    by at most `SPLIT`."""
+    If a face cannot move within the limits `SPLIT` and `MOVED`, the edges of its walls move onto the face instead.
+    These edges move by at most `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -169,7 +169,7 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return the places of cuts of an edge, beyond the fillets at its ends, as fractions of its length.
+    """Return the places of cuts of an edge, beyond the fillets at its ends, as fractions of the edge's length.
     halves : length of the fillet at each end, divided by its radius."""
     shortest_cut = 0.1  # a cut part is longer than this fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
@@ -207,17 +207,13 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Return the poles of a surface through the first of four groups of points (k, 3); None if that fails.
-    The second and third group test the surface, within `FLUSH_TOLERANCE` and on all edges within `SPLIT`. The fourth
-    group lies inside; there the surface moves by at most `largest_move`."""
-    # The search ends if a residual is above 20 times its limit after three degrees. Of 502 faces that succeeded later,
-    # the worst residual was 10.3 times its limit. Without this rule, faces without a solution took 9/10 of the time.
-    hopeless = 20.0
+    """Return the poles of a surface through points; None if that fails. points : four groups (k, 3).
+    The surface passes through the first group. The second group tests this within `FLUSH_TOLERANCE`.
+    The third group, on all edges, is within `SPLIT`. At the fourth group, inside, moves are at most `largest_move`."""
+    hopeless = 20.0  # the search ends if a residual / its limit is larger than this after three degrees
     more_degrees = 6  # the degree of a surface rises by at most 6
-    exact = 5e-8  # half of the gap that OCCT ignores; rounding of poles needs the other half
-    # Weights of the old surface and of a smooth movement, in two trials. With the first pair, faces with three corners
-    # of openings were 0.07 to 0.3 mm away from other edges, more than `SPLIT`; with the second pair 0.02 mm.
-    weights = (1.0, 1e-2), (0.1, 1e-4)
+    exact = 5e-8  # mm; OCCT ignores twice this gap, and rounding of poles adds to it
+    weights = (1.0, 1e-2), (0.1, 1e-4)  # of the old surface and of a smooth movement, in two trials
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
     heights.append(height_rows(parameters[3], len(poles) - 1) @ local[..., 2].ravel())
@@ -244,8 +240,8 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
     """Return the movements (k,) of pole heights that put a surface onto the first group of points and near the third.
-    rows : for each group, the basis (., k).    distances : for each group, its distances from the surface."""
-    held_weight, move_weight = 1e6, 1e-4  # weights of the first group and of the movement; the third group has 1
+    rows : basis (., k) at the points of each group.    distances : distances of these points from the surface."""
+    held_weight, move_weight = 1e6, 1e-4  # weights of the first group and of the movement; the third group has weight 1
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])

@@ -26,8 +26,9 @@ from dsfab.export.splines import bernstein, polyline_length
 @dataclass(frozen=True, eq=False)
 class FaceDomain:
     """Parallelogram around the edges of a face, in the plane of the first two axes (3, 3).
-    origin : (3,)    sides : (2, 2) directions of its sides.    low, high : (2,) its extent along the sides.
-    uv, z  : (k, 2) parameters and (k,) heights of points: first `inside` inner points, then points of edges."""
+    origin : (3,)    sides : (2, 2) directions of the sides.    low, high : (2,) extent along the sides.
+    uv, z  : (k, 2) parameters and (k,) heights of points: first inner points, then points of edges.
+    inside : number of inner points."""
 
     origin: Floats
     axes: Floats
@@ -57,7 +58,8 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two of the directions (k, 2), right-handed. Their parallelogram must extend least beyond the box.
+        """Choose two of the directions (k, 2), right-handed: sides of a parallelogram that extends least beyond the
+        box.
         The parallelogram's corners are at the heights of a quadratic surface through all points."""
         least_sine = 1 / 4  # with smaller angles of the parallelogram, surfaces are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
@@ -96,18 +98,16 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 
 SPLIT = 0.045
-"""Widest gap (mm) at an edge that OCCT may cut. OCCT measures the gap at 23 points of an edge. A cut part has other
-points, and is invalid if the gap is wider there. OCCT's cuts set a new tolerance of at most 0.05 mm
-(`BOPAlgo_Builder::PostTreat`). All failed cuts of a pavilion crossed wider gaps."""
+"""Widest gap (mm) at an edge that OCCT may cut. OCCT measures the gap at 23 points of an edge.
+A cut part has other points, where the gap may be wider. OCCT then allows at most 0.05 mm
+(`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points if inner points weigh 1; the second weight is for gaps that stay open with the first. With 30
-instead of 100, the volume after one of eight cuts through a vault was wrong by 1.1e-5. Without inner points faces
-bulged by 100 mm."""
+"""Weights of edge points, in two trials; inner points weigh 1. The smaller weight is for gaps that do not close."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of second differences of the movement of poles; they keep poles in place that are far from all points. With
-only the second weight, poles of a torus of 2.5 m were wrong by up to 0.35 m, and so was OCCT's bounding box."""
+"""Weights of second differences of the movement of poles, in two trials.
+They keep poles in place that are far from all points, so that OCCT's bounding box does not grow."""
 
 BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
@@ -126,7 +126,7 @@ TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np
 HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
 """Parameters where a surface is fitted to an edge; between them the distance from the edge is below 5e-8 mm."""
 
-LEAST_NORMAL_COSINE = 0.35  # smallest cosine between the normal of the mean plane and the normals of a region
+LEAST_NORMAL_COSINE = 0.35  # smallest cosine between mean normal and normals of a region
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +134,9 @@ class TrimmedFace:
     """Faces of a region on both skins.
     loops : loops of edges, the outer loop first.    outer, inner : poles (p + 1, p + 1, 3), mm.
     axes  : (3, 3) for each surface: two axes of its plane, and the direction of its heights.
-    gap   : widest gap at the edges.    off : largest distance of inner points along the mean normal.
-    exact : True if the surfaces run through edges, or so near that all digits of the poles matter.
-    astray : excess over the allowed distance from the mesh; -inf without a limit."""
+    gap   : widest gap at the edges, mm.    off : largest distance of inner points along the mean normal, mm.
+    exact : True if the surfaces run exactly, or nearly, through edges. The file then has all digits of the poles.
+    astray : distance from the mesh minus allowed distance, mm; -inf if no limit is set."""
 
     loops: list[ChainLoop]
     outer: Floats
@@ -199,8 +199,7 @@ def inside_of(line: Floats) -> Floats:
 
 def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
     """Return (k, 6) points along a loop, denser at the ends of edges, where gaps to the surface are widest."""
-    # With 8 steps along an edge of 2.8 m the gap seemed to be 0.01 mm, but between two steps it was 0.12 mm.
-    fewest, step_share = 12, 1 / 160  # smallest number of steps along an edge, and usual step / length of the loop
+    fewest, step_share = 12, 1 / 160  # smallest number of steps along an edge; usual step / length of the loop
     poles = [model.poles(step) for step in loop]
     long = np.array([polyline_length(P[:, :3]) for P in poles])
     steps = np.maximum(fewest, np.ceil(long / (step_share * max(long.sum(), 1e-300)))).astype(int)
@@ -239,9 +238,8 @@ def signed_area(P: Floats) -> float:
 def _surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
-    """Fit a surface; return poles, axes, the gap at the edges, and the distance from inner points. ways : chords.
-    The surface covers a rectangle in its mean plane. If its poles leave the box, it covers a parallelogram along two
-    chords instead, because CAD programs compute bounding boxes from poles."""
+    """Fit a surface; return poles, axes, gap at the edges, and distance from inner points. ways : (k, 3) chords.
+    It covers a rectangle in its mean plane. If poles leave the box, it covers a parallelogram along two chords."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -255,9 +253,7 @@ def _surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    # If a pole lies more than this multiple of `limits.off` above or below all points, the degree rises by one, which
-    # moves poles nearer: OCCT's box of a dome was 13 mm too high instead of 38 mm.
-    high = 2.0
+    high = 2.0  # largest distance of a pole above or below all points / `limits.off`; else the degree rises by one
     z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
         z = raised_poles(z, BASE_DEGREE + 1)
@@ -271,7 +267,7 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """Return the distances (k,) in mm of a closed line (k, 6) from a surface fitted to it and to inner points (j, 6).
-    Each is the larger of both skins, and infinite if the region overlaps in its mean plane."""
+    A distance is the larger one of both skins, or infinite if the region overlaps in its mean plane."""
     return np.maximum(*misfits(points, line, degree))
 
 
@@ -311,9 +307,8 @@ def _base_poles(over: FaceDomain) -> Floats:
 
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Return heights of poles over a domain, and the distances of the surface from edges and inner points.
-    Low degrees are tried first, because high degrees have waves between points. If no trial reaches `limits.gap`, the
-    best has a gap up to `SPLIT` and the smallest distance from inner points. If there is none, the best has the
-    smallest sum of both distances."""
+    Low degrees are tried first, because high degrees have waves between points. The first gap below `limits.gap` wins.
+    Otherwise, the smallest distance from inner points wins if its gap is below `SPLIT`, and then the smallest sum."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):

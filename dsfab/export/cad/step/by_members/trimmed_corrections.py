@@ -36,8 +36,8 @@ def without_strays(
 ) -> dict[int, TrimmedFace]:
     """Fit faces again, with more points, if they are too far from the skins between their points.
     points : (k, 6) that each face was fitted to.    away : function of points; returns the vectors to both skins.
-    Faces stay unchanged if the distance from the mesh is limited, because `divided_faces` then divides them."""
-    rounds = 2  # a correction in one place may move the face off the skins in another
+    If the distance from the mesh is limited, faces do not change, because `divided_faces` then divides them."""
+    rounds = 2  # a correction may move the face off the skins in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
         if not todo:
@@ -73,14 +73,14 @@ def _places(model: NetModel, face: TrimmedFace) -> Floats:
     return np.asarray(P[inside_outlines(P, [loop_samples(model, loop) for loop in face.loops])])
 
 
-SAMPLES = 23  # number of points along an edge, ends included, at which OCCT measures the gap
-BETWEEN = 8  # number of steps between two of OCCT's points; dsfab measures the gap at each step
+SAMPLES = 23  # number of OCCT's points along an edge, ends included
+BETWEEN = 8  # number of dsfab's steps between two of OCCT's points
 SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a surface
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """For each seam that ends at an outline, move its widest gap to a point where OCCT measures gaps.
-    A face stays unchanged if a gap becomes wider than `SPLIT`, or if its inside moves by more than `SPLIT`."""
+    """Move the widest gap of each seam that ends at an outline to a point where OCCT measures gaps.
+    A face does not change if a gap would become wider than `SPLIT`, or if its inside would move farther than that."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -90,9 +90,9 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Return a face whose widest gaps lie at OCCT's samples, if possible.
-    exact_poles : by edge, poles of the curve on which an exact face must stay."""
-    fine = 5e-4  # below this gap (mm) poles keep all digits, because rounding would move the widest gap
+    """Return a face whose widest gaps lie at OCCT's points, if possible.
+    exact_poles : poles of the curve on which an exact face must stay, by edge."""
+    fine = 5e-4  # gap (mm) below which poles keep all digits
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
@@ -113,7 +113,7 @@ def _with_peaks(
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
     """One surface of a face: poles (p + 1, p + 1, 3), axes (3, 3), and points in mm.
-    seams : (e, k, 3) along seams. held : (h, 6, 3) along edges that may be exact. edges : (j, 3) along all edges."""
+    seams : (e, k, 3) along seams.  held : (h, 6, 3) along edges that may be exact.  edges : (j, 3) along all edges."""
 
     poles: Floats
     axes: Floats
@@ -193,7 +193,7 @@ class _PeakSurface:
     def _misplaced(self, gaps: Floats) -> Bools:
         """Return (e,) True if the widest gap of a seam lies between two of OCCT's samples."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # the widest gap may exceed the widest sample by this fraction; OCCT allows 1e-5
+        short = 3e-6  # (widest gap - widest sample) / widest gap; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         return np.asarray((sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT))

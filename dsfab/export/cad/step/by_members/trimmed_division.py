@@ -27,14 +27,14 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-TRIED = 24  # number of chords to try; half of the chords begin where the gap is widest
+TRIED = 24  # largest number of tried chords; half of them begin where the gap is widest
 POINTS = 8  # number of points of the outline along half an edge
 
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
     """Outline of a region, with its edges halved. A place is the start of a half, and has the number of this half.
-    poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop."""
+    poles : (2 e, 4, 6) consecutive cubics, two for each edge of the loop."""
 
     poles: Floats
 
@@ -59,10 +59,10 @@ class HalvedOutline:
         return np.concatenate([turned, back.reshape(-1, 6)])
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
-        """Yield pairs of places, the smaller first, whose chord lies inside the outline and does not come close to it.
-        Chords at the `worst` places (k,) come first, then the others. Each group has at most `times * TRIED / 2` pairs.
-        They are sorted by the length of the chord divided by the smaller area beside it."""
-        least_width = 1 / 20  # width of a part / thickness; OCCT makes no triangles of a part of 1.6 x 0.2 mm
+        """Yield pairs of places, the smaller first, whose chord lies inside the outline and not close to it.
+        The first group is chords at the `worst` places (k,), the second group is all others.
+        Each group has at most `times * TRIED / 2` chords, sorted by length of the chord / smaller area beside it."""
+        least_width = 1 / 20  # smallest width of a part / thickness; OCCT fails on narrower parts
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
@@ -81,7 +81,7 @@ class HalvedOutline:
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     """Return True if the chord between points a and b (2,) of a closed line (k, 2) does not come close to the line."""
-    clear = 0.3  # smallest distance of a chord's point from the outline / from the chord's nearer end
+    clear = 0.3  # smallest distance of a chord's point from the outline / distance from the chord's end
     shares = np.linspace(0, 1, 17)[1:-1]
     P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
@@ -93,19 +93,15 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
 TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare seams
 
 TIMES = 3
-"""If parts still exceed a limit, up to this multiple of the usual number of seams is tried, and the best one divides
-the face. In one opening the first usable seam led to six parts of a few mm, and two of these crossed in OCCT's
-triangles; the best seam led to four parts."""
+"""Largest multiple of the usual number of seams. More seams are tried if parts still exceed a limit."""
 
 OUT, OFF = 1 / 150, 2.0
-"""Limits for a face that stays whole: distance of poles outside the box / diagonal of the box, and distance of inner
-points / `limits.off`. One face had poles 320 mm outside of a mesh of 2.3 m, and OCCT's bounding box grew; another face
-was 3.7 mm from inner points where 0.8 mm are allowed."""
+"""Limits of a face that stays whole: distance of poles outside the box / diagonal of the box, and distance of inner
+points / `limits.off`."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
-"""Numbers of cubics of a seam, and largest distance of the seam from the skins / `limits.off`. One cubic of 1.2 m on a
-wavy sheet was 6.7 mm from the skins, and so were the faces. If the distance from the mesh is limited, a seam has only
-one cubic, because OCCT made no triangles of a face beside a longer seam."""
+"""Numbers of cubics of a seam, and largest distance of the seam from the skins / `limits.off`.
+If the distance from the mesh is limited, a seam has only one cubic, as OCCT fails beside seams of several cubics."""
 
 
 def divided_faces(
@@ -115,8 +111,9 @@ def divided_faces(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
-    """Divide each face that exceeds its tolerance (see `allowance_used`), and add the new edges to the model.
-    inside : returns inner points (k, 6) by region.    away : returns the vectors from points (k, 6) to both skins."""
+    """Divide each face that exceeds its limits (see `allowance_used`), and add the new edges to the model.
+    inside : function of regions; returns inner points (k, 6) by region.
+    away   : function of points (k, 6); returns the vectors to both skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
@@ -181,7 +178,7 @@ class _FaceDivision:
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
-            # CAD programs can cut edges with gaps up to SPLIT, and the parts must keep this property
+            # CAD programs can cut only edges with gaps up to SPLIT
             wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)
             if worse < least and not wide:
                 if self.times == 1:
@@ -201,7 +198,7 @@ class _FaceDivision:
     def _seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
         full = 3  # faces are built for the best three seams
         many = 2000  # trials use about 2000 points of up to ten thousand
-        at_gap = 4  # half of the tried seams begin at the four places nearest to the widest gap
+        at_gap = 4  # half of the tried seams begin at the four places with the widest gaps
         points = points[:: 1 + len(points) // many]
         distances = misfit(points, outline.line, TRIAL_DEGREE).reshape(-1, POINTS).max(axis=1)
         worst = np.argsort(-np.maximum(distances, np.roll(distances, 1)), kind="stable")[:at_gap]

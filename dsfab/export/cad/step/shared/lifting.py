@@ -13,15 +13,15 @@ from dsfab.export.cad.step.shared.skins import DenseSurface, dense_surface
 from dsfab.export.part import Curved
 from dsfab.surface import CREASE, Surface, corner_fans, link_components
 
-LEAST_BEND = 8.0  # smallest angle (degrees) between faces along a crease; one edge of it needs `CREASE`
-BEND_RATIO = 4.0  # smallest ratio of the bend of a crease to the bend of the edges beside the crease
-STRAIGHT = np.cos(np.radians(30.0))  # cosine of the largest angle between a crease and the edge that continues it
+LEAST_BEND = 8.0  # degrees; smallest angle between faces along a crease
+BEND_RATIO = 4.0  # smallest bend of a crease / bend of the edges beside the crease
+STRAIGHT = np.cos(np.radians(30.0))  # cosine of the largest angle between a crease and its continuation
 OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]  # the two other edges of a face, for each of its three edges
 
 
 def crease_edges(surface: Surface) -> Bools:
     """Return (e,) True for edges that are parts of creases."""
-    shortest = 6  # a crease has at least 6 edges; single sharp edges are noise of the mesh
+    shortest = 6  # smallest number of edges of a crease; single sharp edges are noise of the mesh
     edges = surface.edges
     inner = edges.count == 2
     bend = np.zeros(len(edges.ends))
@@ -46,8 +46,8 @@ def crease_edges(surface: Surface) -> Bools:
 
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
-    """Extend creases straight from their ends; return (e,) True for their edges. An edge of an extension must bend far
-    more than another edge of its face: the one with the smaller bend, because the third edge may belong to a crease."""
+    """Extend creases straight from their ends; return (e,) True for their edges.
+    Each edge of an extension must bend far more than one other edge of its face. The third edge may be a crease."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
@@ -70,10 +70,10 @@ ZERO_WEIGHT = 1e-9  # barycentric weights below this count as zero
 @dataclass(frozen=True, eq=False)
 class CreaseSides:
     """Columns (s,) of weight matrices: all n vertices, then a copy of each crease vertex for each of its sides.
-    creases : (k, 2) edges, the smaller vertex first, sorted.    vertex : (s,) of each column.
-    corner  : (m, 3) column of each face's corners.    normals : (s, 3) normal of each column.
-    half    : (s,) half the thickness, see `DenseSurface`.
-    mitre   : (s, 3) metres, from the end of `half` along the normal to the point where the skins of both sides meet."""
+    creases : (k, 2) edges, sorted, the smaller vertex number first.
+    vertex  : (s,) vertex of each column.    corner : (m, 3) column of each face's corners.
+    normals : (s, 3) normal of each column.  half   : (s,) half the thickness, as in `DenseSurface`.
+    mitre   : (s, 3) vector, m, from the end of `half` along the normal to the common point of both sides' skins."""
 
     surface: Surface
     creases: Ints
@@ -246,8 +246,7 @@ class Lifting:
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Replace points between two faces beside a crease by the nearest points in a face. Without this step their
-        side of the crease is unknown, and they were up to 1.4 mm away from the rest of a chain."""
+        """Replace points between two faces beside a crease by the nearest points in a face. These have a known side."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights

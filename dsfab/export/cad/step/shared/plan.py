@@ -21,8 +21,9 @@ from dsfab.surface.topology import corners_of
 
 
 class MeshDistances(NamedTuple):
-    """Distances from solid to mesh, or from mesh to solid. most : the largest.    bad : places above the limit.
-    worst, allowed : the distance that exceeds its limit most, and this limit."""
+    """Distances from solid to mesh, or from mesh to solid, mm.
+    most  : largest distance.    bad : (k, 3) places with distances above the limit.
+    worst : distance that exceeds its limit most.    allowed : limit of `worst`."""
 
     most: float
     worst: float

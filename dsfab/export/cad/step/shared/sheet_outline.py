@@ -12,15 +12,15 @@ from dsfab.export.cad.step.planar import cut_apart
 from dsfab.export.part import DividedSheet
 from dsfab.surface.topology import boundary_loops, edge_table, half_edges, pieces
 
-SHARP = np.deg2rad(35.0)  # a wall has a corner at a vertex with at least this bend (radians)
+SHARP = np.deg2rad(35.0)  # smallest bend (radians) at a corner of a wall
 WALL = -1  # number in place of a chart, where a wall ends the chart
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineRun:
     """Part of an outline.
-    vertices : (k,) in order, the material on their left.    beyond : chart on the other side, or `WALL`.
-    width    : twice the area of the loop divided by its length, mm: a circle's radius, or the width of a slit."""
+    vertices : (k,) in order, with the material on their left.    beyond : chart on the other side, or `WALL`.
+    width    : twice the area of the loop / its length, mm: the radius of a circle, or the width of a slit."""
 
     vertices: Ints
     beyond: int
@@ -39,7 +39,7 @@ class ChartRegion:
 @dataclass(frozen=True, eq=False)
 class SheetOutline:
     """Divided sheet in millimetres, with its regions.
-    V, D    : (n, 3) vertices of the middle surface, half-thickness vectors.
+    V, D    : (n, 3) vertices of the middle surface, and half-thickness vectors.
     F       : (m, 3) faces.    chart, piece : (m,) chart and piece of each face.
     charts  : (v, 2) all pairs of a vertex and a chart around it, sorted."""
 

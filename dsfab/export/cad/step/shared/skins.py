@@ -17,7 +17,7 @@ from dsfab.surface.topology import on_boundary
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
     """Surface with its skins, after zero or more divisions of its triangles. Fields are in metres, properties in mm.
-    half   : (n,) half the thickness of the faces.    shift, twins : see `Curved`.
+    half   : (n,) half the thickness of the faces.    shift, twins : as in `Curved`.
     parent : (m,) original face of each face."""
 
     surface: Surface
@@ -80,8 +80,8 @@ def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
 
 
 def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
-    """Return the midpoints (e, 3) of cubics along edges (e, 2) of P (n, 3), perpendicular to d (n, 3) at their ends.
-    Fits through these points have no waves between vertices."""
+    """Return the midpoints (e, 3) of cubics along edges (e, 2) of P (n, 3).
+    The cubics are perpendicular to d (n, 3) at their ends. Fits through such points have no waves between vertices."""
     N, chord = unit_vectors(d), P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
     return np.asarray(end_means(P, ends) + (slopes[0] - slopes[1]) / 8)
@@ -95,8 +95,7 @@ def end_means(values: Floats, ends: Ints) -> Floats:
 
 def chord_errors(skins: DenseSurface) -> Floats:
     """Return the (m,) distance of each triangle's centre from the smooth surface through its corners, metres.
-    At the centre the distance is a third more than at the middles of the edges. For equilateral triangles with edges h
-    on a sphere of radius R it is h^2 / 6R at the centre, and h^2 / 8R at the middles."""
+    This distance is 4/3 of the distance at the middles of the edges (exact for equilateral triangles on a sphere)."""
     V, edges = skins.surface.V, skins.surface.edges
     sags = np.linalg.norm(cubic_midpoints(V, skins.normals, edges.ends) - end_means(V, edges.ends), axis=1)
     return np.asarray(4 / 3 * sags[edges.of].max(axis=1))
@@ -104,8 +103,7 @@ def chord_errors(skins: DenseSurface) -> Floats:
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
     """Return the (m,) fraction by which the smooth solid of each triangle is larger than the mesh's prism.
-    The area is larger, and so is the thickness between vertices with different normals. The difference falls with the
-    square of the edges: a quarter of it remains after each triangle is divided in four."""
+    The estimate comes from two meshes, because a quarter of the difference remains if triangles are divided in four."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
     parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
@@ -121,9 +119,9 @@ def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
 
 
-GAP_SHARE = 1 / 20  # widest accepted gap between a skin and its edges, as a fraction of the thickness
+GAP_SHARE = 1 / 20  # widest accepted gap between a skin and its edges / thickness
 OUTLINE_SHARE = 0.55  # tolerance of outlines, as a fraction of the allowed distance from the mesh
-LOOP_SHARE = 0.03  # largest tolerance of a loop / its width, because the sides of a slit must not cross
+LOOP_SHARE = 0.03  # largest tolerance of a loop / width of the loop, to keep slits open
 
 
 def decimals(thickness: float) -> int:
@@ -137,10 +135,10 @@ MOST_CHORD = 1 / 4  # largest chord error / thickness; larger estimates occur at
 
 @dataclass(frozen=True, eq=False)
 class SmoothLimits:
-    """Thickness, and allowed distance of the smooth solid from the mesh, to which the mesh's chord error is added, mm.
+    """Thickness, and distance that the smooth solid may have from the mesh in addition to the mesh's chord error, mm.
     V, F    : (n, 3) and (m, 3) triangles of both skins of the uncut surface.
-    chord   : (m,) chord error of these triangles.
-    rounder : (m,) fraction by which the curved volume of each triangle may exceed that of the plane triangle."""
+    chord   : (m,) chord error of these triangles, mm.
+    rounder : (m,) fraction by which the curved volume of each triangle may exceed the volume of the plane triangle."""
 
     thickness: float
     distance: float
@@ -157,7 +155,7 @@ class SmoothLimits:
     @property
     def summary(self) -> str:
         """Allowed distances as a part of a sentence; at coarse triangles and creases larger distances are allowed."""
-        coarse = 2  # the message names the largest error if it is at least twice the usual error
+        coarse = 2  # smallest ratio of largest error / usual error that the message states
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
         is_coarse = largest > coarse * self.usual_chord and largest > self.distance
@@ -165,8 +163,7 @@ class SmoothLimits:
         return f"allowed are {self.distance:.2g} mm and the mesh's own chord error, {usual_text}{coarsest_text}"
 
     def allowed_distances(self, points: Floats) -> Floats:
-        """(k,) allowed distances of points, with the chord error of the nearest triangle.
-        The nearest vertex is not enough, because it may belong to another triangle where triangles are long."""
+        """(k,) allowed distances of points (k, 3), with the chord error of the triangle nearest to each point."""
         return np.asarray(self.distance + self.chord[self.nearest(points)])
 
     def nearest(self, points: Floats) -> Ints:

@@ -2,6 +2,6 @@
 
 chart_fields : division of the surface into charts that project onto a plane without folds.
 charts : both skins over each chart, as splines through sample points.
-edges  : the outlines as curves on the skins.
+edges  : outlines as curves on the skins.
 solid  : faces with shared edges, piece by piece, and the STEP text.
-build  : layouts of charts; pieces are built, checked by OCCT (`worker.pieces`), compared with the mesh, refitted."""
+build  : construction of pieces in several layouts of charts, and their comparison with the mesh."""

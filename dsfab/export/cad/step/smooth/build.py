@@ -1,4 +1,4 @@
-"""Smooth STEP of a part: build pieces, let OCCT check each piece, refit refused pieces, and use facets for the rest.
+"""Smooth STEP of a part: pieces that OCCT checks. Refused pieces are built again, and finally become faceted.
 
 charts, skins -> all pieces -> file -> `findings`  -> `PieceJudge` -> refused pieces: tighter curves
  ^                                                                       |  still refused
@@ -42,8 +42,9 @@ from dsfab.surface.topology import faces_at
 
 @dataclass(frozen=True, eq=False)
 class Acceptance:
-    """Verdict on a piece. reason : reason of a refusal, or ''.    bad : (k, 3) places where tighter curves may help.
-    there, back : largest distances of piece from mesh, and of mesh from piece.    volume : of the piece."""
+    """Verdict on a piece. volume : of the piece, mm3.
+    reason : reason of a refusal, or ''.    bad : (k, 3) places where tighter curves may help.
+    there  : largest distance of piece from mesh, mm.    back : largest distance of mesh from piece, mm."""
 
     reason: str
     bad: Floats = field(default_factory=lambda: np.zeros((0, 3)))
@@ -110,12 +111,12 @@ def _distances(gate: PieceJudge, findings: dict[int, OcctFinding]) -> dict[int, 
     return away
 
 
-FIT_SHARE = 1 / 3  # tolerance of the skins, as a fraction of the allowed distance from the mesh
+FIT_SHARE = 1 / 3  # tolerance of the skins / allowed distance from the mesh
 
 LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
 """Layouts: largest angle (degrees) between normals of a chart and their mean, smallest number of charts, and seed."""
 
-MOST_WALLS = 1500  # largest number of walls if the user did not request a smooth file; more take over half a minute
+MOST_WALLS = 1500  # largest number of walls without a request for a smooth file; more take over half a minute
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,11 +148,11 @@ class SmoothPlan(SolidPlan):
         return [loop for region in self.whole.regions for loop in region.loops]
 
     def layouts(self) -> Iterator[Floats]:
-        """Yield the fields (n, c) of distinct layouts: chart k covers the part where field k is largest.
+        """Yield the fields (n, c) of different layouts: chart k covers the part where field k is largest.
         The first layout is for open sheets only, because its charts become too steep on a closed surface."""
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
-        outlines = 40  # a chart has about 40 outlines, because OCCT's time grows with the square of their number
+        outlines = 40  # outlines per chart; OCCT's time grows with the square of their number
         settings = LAYOUTS if self.surface.edges.boundary.any() else LAYOUTS[1:]
         seen = set[bytes]()
         for lean, fewest, start in settings:
@@ -164,7 +165,7 @@ class SmoothPlan(SolidPlan):
 
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
         """Build the pieces of all solids that are not finished, in a layout of fields (n, c).
-        If a chart of the only solid fails, raises ExportError at once, because further charts take long."""
+        Raises ExportError as soon as a chart of the only solid fails, because further charts take long."""
         atlas = ChartAtlas(self.surface, self.curved, fields, FIT_SHARE * self.limits.distance)
         needed = set[int]()
 
@@ -203,7 +204,7 @@ def _unfinished_pieces(gate: PieceJudge, finished: Collection[int]) -> list[int]
     return [k for k in range(gate.sheet.count) if int(gate.solid[k]) not in finished]
 
 
-REFITS = 2  # number of times that the refused pieces of a layout are built again with tighter curves
+REFITS = 2  # number of times that refused pieces are built again with tighter curves
 CLOSEST = len(LEVEL_FACTORS) - 1  # highest level of tighter curves, see `LEVEL_FACTORS`
 
 
@@ -233,7 +234,7 @@ def first_draft(part: Part) -> tuple[int, int]:
 class _SmoothSearch:
     def __init__(self, part: Part) -> None:
         self.part, self.plan = part, SmoothPlan(part)
-        self.inspected, self.most = 0, 6000  # after 6000 faces (1 to 2 minutes of OCCT) no further layout is tried
+        self.inspected, self.most = 0, 6000  # faces (1 to 2 minutes of OCCT) after which no layout is tried
         self.taken, self.reason, self.pieces = list[_AcceptedPiece](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()
@@ -259,9 +260,7 @@ class _SmoothSearch:
         return self._file()
 
     def _judge_layout(self, programs: ExitStack, fields: Floats) -> None:
-        # With more refused places than this, refits do not help. Of seven sheets with 1100 to 3800 faces, five had at
-        # most 2 such places, and two had 104 and 216, which refits did not cure.
-        hopeless = 40
+        hopeless = 40  # with more refused places than this, refits do not help
         program = programs.enter_context(occt())
         with one_blas_thread():  # several threads on two busy cores take ten times as long
             built = self.plan.build(fields, self.done)
@@ -343,7 +342,7 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
     """Return the mesh corners (k, 3), of the corners (n, 3) at walls, that are too far from the piece's edges.
-    OCCT's triangles would also show such corners, but another round with OCCT takes seconds."""
+    This test is faster than a test of OCCT's triangles."""
     chord_count, nearest_count = 64, 4  # chords along an edge; nearest chords to a corner that are compared
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])

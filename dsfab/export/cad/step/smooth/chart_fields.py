@@ -14,7 +14,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)  # by this angle the normals of a chart with straight borders may leave their cone
+CONE_SLACK = np.deg2rad(12.0)  # largest angle between normals and cone after borders are straightened
 REACH = 0.25  # length over which the fields of charts diffuse / radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
@@ -29,8 +29,8 @@ SWEEPS = 4  # number of rounds of diffusion and choice of charts
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
     """Return fields (n, c) on the vertices; chart k is where field k is largest.
-    cone : largest angle (radians) between the normals of a cluster of faces and their mean.
-    fewest : smallest number of charts; start : seed, another number gives another layout."""
+    cone   : largest angle (radians) between the normals of a cluster of faces and their mean.
+    fewest : smallest number of charts.    start : seed; another seed gives another layout."""
     label = _clusters(surface, cone, fewest, start)
     if label.max() == 0:
         return np.ones((surface.n, 1))
@@ -65,7 +65,7 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 def _dual(surface: Surface) -> csr_array:
     """Return the graph of distances between neighbouring faces. Angles add distance, so that clusters end at bends."""
-    turn_cost = 0.2  # an angle of one radian costs this fraction of the square root of the surface's area
+    turn_cost = 0.2  # cost of an angle of one radian / square root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
     angle = np.arccos(np.clip(np.einsum("ki,ki->k", surface.normals[f], surface.normals[g]), -1, 1))

@@ -62,7 +62,7 @@ class SplinePatch:
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
         """Return parameters (k, 2) of the surface points nearest to `points` (k, 3), by Gauss-Newton steps."""
-        step_limit = 1e-8  # steps end below this fraction of the surface's size: 0.1 micrometres on ten metres
+        step_limit = 1e-8  # length of the last step / size of the surface
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
         for _ in range(rounds):
@@ -80,15 +80,15 @@ class SplinePatch:
 
 SMOOTHING = 1e-5  # weight of the differences between poles, against the distances from points
 FEWEST_POLES, MOST_POLES = 6, 48  # smallest and largest number of poles of a fit in one direction
-FEW_POLES = 24  # a chart with more poles in one direction is divided once, because OCCT's projection searches all poles
+FEW_POLES = 24  # largest number of poles in one direction, if a chart may be divided; more are slow in OCCT
 FIRST_POLES = 8.0  # number of poles of the first attempt: geometric mean of both directions
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
     """Surface that was fitted to points.
-    off     : largest distance from the points that the tolerance applies to.
-    size    : geometric mean of the numbers of poles in both directions, before they are rounded and limited.
+    off     : largest distance from the points for which the tolerance applies, mm.
+    size    : geometric mean of the wanted numbers of poles in both directions.
     starved : True if more points would allow more poles."""
 
     patch: SplinePatch
@@ -106,9 +106,10 @@ def fitted_surface(
     first_poles: float = FIRST_POLES,
     most_poles: int = MOST_POLES,
 ) -> SurfaceFit:
-    """Fit a surface with few poles to Q (k, 6), one point on each skin; the tolerance applies to the points `inside`.
-    first_poles : geometric mean of the first numbers of poles.    most_poles : limit in each direction.
-    The error grows with the fourth power of the length of a span. The next number of poles follows from this."""
+    """Fit a surface with few poles to Q (k, 6), one point on each skin. The tolerance applies to the points `inside`.
+    first_poles : number of poles at the start, the geometric mean of both directions.
+    most_poles  : largest number of poles in each direction.
+    The number of poles grows with the fourth root of the error."""
     points_per_pole = 2.5  # with fewer points, surfaces have waves between the points and gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
@@ -147,9 +148,9 @@ def patch_through(
 @dataclass(frozen=True, eq=False)
 class _Cells:
     """Points sorted by knot cell, and the basis functions of the 16 poles around each cell.
-    Points of one cell share poles, so one matrix product for each cell takes a quarter of the time of other sums.
-    order : (k,) points, cell after cell; start : first index of each cell in `order`.
-    poles : (c, 16) poles of each cell; hats (k, 16) values of the basis functions at the points in that order."""
+    One matrix product for each cell is faster than other sums, because points of one cell share poles.
+    order : (k,) points, cell after cell.    start : first index of each cell in `order`.
+    poles : (c, 16) poles of each cell.      hats  : (k, 16) values of the basis functions at the points of `order`."""
 
     order: Ints
     start: Ints
@@ -208,20 +209,19 @@ def _diagonal(table: Floats, below: int) -> Floats:
 
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
-"""Weights of points around a chart, where the skins must meet the next chart, and of boundary points, which have
-inexact normals. The tolerance applies to neither of these points."""
+"""Weights of points around a chart, where the skins must meet the next chart, and of boundary points.
+Boundary points have inexact normals. The tolerance applies to neither of these points."""
 
 FOLDED = 0.01
-"""Largest fraction of a chart's faces that face away from its axis. Coarse meshes fold at corners of the boundary when
-their triangles are divided. The distance of the fit from all points is limited in any case."""
+"""Largest fraction of a chart's faces that face away from its axis. Some faces of coarse meshes fold when divided."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
     """Data for the fit of a chart, millimetres.
-    origin, axes, steepest : see `SkinChart`.
-    uv, Q  : (k, 2) in the plane, and (k, 6) on both skins.
-    inside : (k,) True for points that the tolerance applies to.    weight : (k,) weight of each point in the fit.
+    origin, axes, steepest : as in `SkinChart`.
+    uv, Q  : (k, 2) points in the plane, and (k, 6) points on both skins.
+    inside : (k,) True for points to which the tolerance applies.    weight : (k,) weight of each point in the fit.
     chord  : chord error of the mesh between the points, 90th percentile."""
 
     origin: Floats
@@ -236,7 +236,7 @@ class SkinPoints:
 
 def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
     """Collect the points of a chart and of a ring around it.
-    near_faces : (faces of the undivided mesh,) True near the chart.    in_chart : (n,) True for its vertices."""
+    near_faces : (m,) True for undivided faces near the chart.    in_chart : (n,) True for the chart's vertices."""
     faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
     F = F.reshape(-1, 3)
@@ -289,10 +289,10 @@ STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine of a chart's normals and 
 
 @dataclass(frozen=True, eq=False)
 class SkinChart:
-    """Plane of a chart, and both skins as surfaces over it. Lengths in millimetres.
-    origin, axes : (3,) and (3, 3): two axes in the plane, and the normal of the plane.
-    upper, lower, middle : surfaces of the skins, and half way between them.
-    tolerance    : of the fit; larger on a coarse mesh.
+    """Plane of a chart, and both skins as surfaces over the plane. Lengths in millimetres.
+    origin, axes : (3,) point of the plane, and (3, 3) axes: two axes in the plane, and its normal.
+    upper, lower, middle : surfaces of the skins, and half way between the skins.
+    tolerance    : tolerance of the fit; larger on a coarse mesh.
     steepest     : cosine of the largest angle between the plane and a face, 1st percentile.
     off          : largest distance of a skin from its points."""
 
@@ -318,7 +318,8 @@ class SkinChart:
 class ChartAtlas:
     """Charts of a surface, fitted on demand.
     fields : (n, c) on the vertices; chart k is where field k is largest. Divided charts add fields.
-    charts : by number; charts without a spline within the tolerance are missing, and `failed` has the reasons."""
+    charts : by number; only charts with a spline within the tolerance.
+    failed : reasons for missing charts, by number."""
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
         self.surface, self.fields, self.tolerance = surface, fields, tolerance
@@ -330,9 +331,8 @@ class ChartAtlas:
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
         """Fit the charts of these numbers and the charts that they are divided into.
-        hopeless : function of a failed chart's number that returns True if further charts are useless."""
-        # An error of three tolerances is allowed: few pieces lie at the worst place, and OCCT measures them later.
-        useless = 3
+        hopeless : function of a failed chart's number; returns True if further charts are useless."""
+        useless = 3  # largest error / tolerance; OCCT measures the pieces again later
         fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:
@@ -373,7 +373,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # the fields change on this fraction of half the chart, as steeply as at other borders
+        part_width = 0.25  # width of the part where the fields change / half the width of the chart
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)
@@ -392,7 +392,7 @@ class ChartAtlas:
 
     def _chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
         of_chord = 0.3  # the tolerance includes this fraction of the mesh's chord error
-        most_divisions = 2  # a coarse mesh is divided twice at most, because both charts at a seam must agree
+        most_divisions = 2  # largest number of divisions of a coarse mesh
         F = self.surface.F
         near_faces = faces_at(F, self._best[0] == k)
         for _ in range(2):

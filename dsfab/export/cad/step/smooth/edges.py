@@ -17,11 +17,11 @@ from dsfab.export.splines import Fitted, Spline, even_samples, segment_spline, s
 @dataclass(eq=False)
 class OutlineNodes:
     """Positions of outline vertices in the planes of their charts, and of ends of runs on both skins.
-    uv    : by chart, (n, 2) positions in its plane, nan for vertices outside of the chart.
-    steep : by chart, (n,) largest ratio of a length on the surface to its length in the plane; 1 or more.
+    uv     : by chart, (n, 2) positions in its plane; nan for vertices outside of the chart.
+    steep  : by chart, (n,) largest ratio of a length on the surface to its length in the plane; 1 or more.
     around : by vertex, its charts.
-    at    : by vertex, (2, 3) upper and lower point, for ends of runs and for vertices given to `add`.
-    gap   : by vertex, largest distance of these two points from the skins of its charts."""
+    at     : by vertex, (2, 3) upper and lower point. Only for ends of runs and for vertices given to `add`.
+    gap    : by vertex, largest distance of these two points from the skins of its charts."""
 
     charts: dict[int, SkinChart]
     uv: dict[int, Floats]
@@ -64,7 +64,7 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
     return nodes
 
 
-LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a run's tolerance: before any refusal, after one, and after two refusals
+LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a run's tolerance after no, one and two refusals
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +73,8 @@ class SmoothEdge:
     start, end   : vertices of the sheet.
     upper, lower : cubics with equal knots, or lines.
     flat         : by chart, the curve in the plane of the chart.
-    gap          : largest distance between the curves in space and the curves on the skins, millimetres.
-    wall         : True under a wall, False where two charts meet."""
+    gap          : largest distance between the curves in space and the curves on the skins, mm.
+    wall         : True under a wall; False where two charts meet."""
 
     start: int
     end: int
@@ -224,8 +224,8 @@ def seam_edges(
     requests: list[RunRequest], nodes: OutlineNodes, sheet: SheetOutline, allowed: EdgeTolerances
 ) -> list[SmoothEdge]:
     """Fit one curve for both charts of each seam, half way between their skins."""
-    of_edge = 0.05  # tolerance in space / length of mesh edges; the place of a seam need not be exact
-    of_thickness = 1 / 1000  # tolerance in each chart / thickness; the gap between charts may be twice as wide
+    of_edge = 0.05  # tolerance of a seam in space / length of mesh edges
+    of_thickness = 1 / 1000  # tolerance of a seam in each chart / thickness
     runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
     charts = [k for request in requests for k in (request.chart, request.run.beyond)]
     tight = [factor * of_thickness * allowed.thickness for factor in factors]

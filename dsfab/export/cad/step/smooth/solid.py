@@ -54,7 +54,7 @@ class SmoothSkin:
 @dataclass(eq=False)
 class SmoothPiece:
     """Piece of the sheet: edges with the keys of their runs, skins, and the widest gap, mm.
-    traced : True if edges are also written with their curves on skins and walls.
+    traced  : True if the file also contains the curves of edges on skins and walls.
     refused : reason why the piece is not a single closed shell, or ''."""
 
     edges: list[SmoothEdge] = field(default_factory=list)
@@ -148,7 +148,7 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
     return np.concatenate([poles[:-1] for poles in pole_rows])
 
 
-ROUNDED = 1e-9  # a point is on a chord if its distance / length of the chord is smaller
+ROUNDED = 1e-9  # distance of a point from a chord / length of the chord below which the point is on the chord
 
 
 def crossings(piece: SmoothPiece) -> Floats:
@@ -172,8 +172,7 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     """Return the ends of edges at sharp corners whose two sides cross near the corner: 2 k and 2 k + 1 for edge k.
-    Chords of the edges do not show this crossing. The sides cross if their tangents at the corner are in one order
-    around the corner, and the vectors to their middles in the opposite order."""
+    Sides cross if their tangents at the corner and the vectors to their middles are in opposite orders."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
@@ -316,9 +315,10 @@ def _knot_text_of_bytes(knots: bytes) -> KnotText:
 @dataclass(frozen=True, eq=False)
 class SmoothPieceFile:
     """Text of the file and its measured properties.
-    pieces  : number of pieces of the sheet; smooth : number of accepted pieces.
-    gap     : widest gap of accepted pieces, mm; there, back : largest distances from the mesh and back.
-    volume  : of all smooth solids according to OCCT, cubic millimetres.
+    pieces  : number of pieces of the sheet.    smooth : number of accepted pieces.
+    gap     : widest gap of accepted pieces, mm.
+    there   : largest distance of the file from the mesh, mm.    back : largest distance of the mesh from the file, mm.
+    volume  : volume of all smooth solids according to OCCT, mm3.
     refused : reason why pieces were refused, or ''."""
 
     text: str

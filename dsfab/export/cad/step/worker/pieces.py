@@ -1,8 +1,10 @@
 """OCCT's findings about each solid of a STEP file of smooth pieces.
 
-Each finding holds `valid`, `closed`, `tessellates`, `faces`, `volume` (mm3), `box` (lowest and highest corner), `gap`
-(mm, largest measured distance between an edge and its curve on a face) and `bad`, the ends (k, 3) of crossing edges. An
-invalid solid gets no triangles, and a solid without triangles no volume, because these take most of the time."""
+valid, closed, tessellates : True if OCCT finds the solid so.    faces : number of faces.    volume : mm3.
+box : lowest and highest corner, mm.    bad : (k, 3) ends of crossing edges, mm.
+gap : largest measured distance between an edge and its curve on a face, mm.
+
+An invalid solid gets no triangles, and a solid without triangles gets no volume."""
 
 import ctypes
 import json
@@ -86,15 +88,13 @@ REPAIRS = (
     *("IntersectingWires", "LoopWires", "NotchedEdges", "Tail", "Small", "SmallAreaWire", "Lacking", "Degenerated"),
     *("AddNaturalBound", "MissingSeam", "Seam", "SplitFace", "VertexTolerance"),
 )
-"""Repairs that OCCT's reader must not make: a file that needs a repair is refused, and the tests for repairs take 40
-% of the time. OCCT still adds what STEP leaves to readers: curves on surfaces, and tolerances of edges."""
+"""Repairs that OCCT's reader must not make, because a file that needs a repair is refused."""
 
 
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
     """Return the findings for each solid of a file with one solid per product; [] if OCCT cannot read the file.
-    deflection : mm, of the triangles that become `0.stl`, `1.stl` ... in the folder.
-    copies     : True if forks do a part of the work; impossible after OCCT made triangles, because forks lack the
-                 threads for which OCCT then waits."""
+    deflection : largest distance (mm) of the triangles, which become `0.stl`, `1.stl` ... in the folder.
+    copies     : True if forks do a part of the work. After OCCT has made triangles, a fork would wait forever."""
     reader = _reader(path)
     if reader is None:
         return []
@@ -106,9 +106,8 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
 
 def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
     """Return the findings for each solid of a file that is judged as a whole; [] if OCCT cannot read the file.
-    The triangles equal those of `dsfab check`, whose reader also repairs, because a valid file needs no repair. If
-    every face has triangles, the folder gets the triangles and the shape, as from `write_triangles`. copies : True if a
-    fork measures gaps and volumes meanwhile; the caller can then read the triangles earlier."""
+    If every face has triangles, the folder gets the triangles and the shape, as from `write_triangles`.
+    copies : True if a fork measures gaps and volumes at the same time."""
     reader = _reader(path)
     if reader is None or not reader.TransferRoots():
         return []
@@ -191,7 +190,7 @@ def _triangulates(deflection: float, solid: Any) -> bool:
 
 def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
     """Return True if every face gets triangles, by Delabella's sweep or otherwise by OCCT's own method.
-    For a skin with hundreds of holes the sweep takes a quarter of the time and gives equally good triangles."""
+    For a skin with many holes, the sweep is faster."""
     angle = 0.5  # largest angle (radians) between neighbouring triangles
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
@@ -213,7 +212,7 @@ def _measures(solid: Any, faces: list[Any], with_volume: bool = True) -> tuple[f
 
 
 def _untriangulated_findings(solids: list[Any]) -> list[dict[str, Any]]:
-    results = []  # the Gauss-Kronrod rule suits many small faces: 5756 faces take 0.4 s, with an error of 3e-9
+    results = []  # the Gauss-Kronrod rule suits many small faces
     for solid in solids:
         checked = _shape_findings(solid)
         gap, _ = _measures(solid, faces_of(solid), with_volume=False)

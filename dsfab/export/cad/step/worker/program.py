@@ -2,9 +2,9 @@
 
     python -P program.py COMMAND FILE ARGUMENTS ...
 
-prints one line of JSON. The commands are the functions of `COMMANDS`. Without arguments the program loads OCCT first,
-and then reads the arguments from its input: a list as one line of JSON.
-The modules beside this one import nothing else from dsfab, so that the program is independent and starts quickly."""
+prints one line of JSON. The commands are the functions of `COMMANDS`. Without arguments, the program loads OCCT and
+then reads its arguments from its input: a list as one line of JSON.
+For a quick start, the modules beside this one import nothing else from dsfab."""
 
 import gc
 import json

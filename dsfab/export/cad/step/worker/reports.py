@@ -25,9 +25,10 @@ def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class StepMesh:
-    """Triangles of a STEP file: V (n, 3) millimetres, F (m, 3) without shared vertices between faces; number of solids.
+    """Triangles of a STEP file. solids : number of solids.
+    V, F       : (n, 3) points, mm, and (m, 3) triangles. Different faces share no vertices.
     face       : (m,) face of each triangle, counted through all solids.
-    deflection : largest distance of the triangles from curved faces, millimetres.
+    deflection : largest distance of the triangles from curved faces, mm.
     shape      : OCCT's binary shape (`.bin`)."""
 
     V: Floats
@@ -47,7 +48,7 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
     """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, without reading the file.
-    faces : (k,) numbers of the faces; None means all. Raises ExportError if OCCT takes too long."""
+    faces : (k,) numbers of the faces; None means all faces. Raises ExportError if OCCT takes too long."""
     with tempfile.TemporaryDirectory() as folder:
         path, only = Path(folder) / "shape.bin", Path(folder) / "faces.npy"
         path.write_bytes(shape)
@@ -62,14 +63,16 @@ def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
     try:
         return occt_report("triangles", str(path), folder, *how, seconds=limit)
     except subprocess.TimeoutExpired:
-        raise ExportError(f"reading {path} did not end within {limit:.0f} s; check the STL or 3MF file") from None
+        raise ExportError(
+            f"reading {path} did not end within {limit:.0f} s; write STL or 3MF and check that file instead"
+        ) from None
     except ProgramError as error:
         raise ExportError(f"{path} cannot be read as STEP ({str(error)[:160]}); export it again") from None
 
 
 def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMesh:
     """Read the triangles that a program wrote to a folder; raises OSError if there are none.
-    facts : `deflection` and perhaps `solids`.    shape : OCCT's binary shape; read from the folder by default."""
+    facts : `deflection`, and `solids` if known.    shape : OCCT's binary shape; by default the one in the folder."""
     shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
         solids = int(facts["solids"] if "solids" in facts else mesh["solids"])
@@ -110,10 +113,9 @@ def findings(
     on_triangles: Callable[[StepMesh], None] | None = None,
 ) -> list[OcctFinding]:
     """Return findings about each solid of a file; [] if OCCT fails or takes longer than `limit` seconds.
-    deflection   : largest distance of the triangles from the solid, millimetres.
-    on_triangles : if given, OCCT judges the solids together, and the findings contain no triangles. If every face has
-                   triangles, this function gets the triangles of all solids, as from `read_step`, while OCCT continues.
-                   OCCT then reads the file only once, which is half of OCCT's time."""
+    deflection   : largest distance of the triangles from the solid, mm.
+    on_triangles : function of the triangles of all solids (as from `read_step`), called if every face has triangles.
+                   With this function, OCCT judges the solids together, and the findings contain no triangles."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")

@@ -1,7 +1,7 @@
 """OCCT's triangles of the solids in a STEP file.
 
-`mesh.npz` holds V (n, 3) millimetres, F (m, 3) counter-clockwise from outside, and the face (m,) of each triangle,
-counted through all solids. Neighbouring faces share no vertices. `shape.bin` is OCCT's binary shape."""
+`mesh.npz` contains V (n, 3), mm, F (m, 3), counter-clockwise from outside, and the face (m,) of each triangle.
+Faces are counted through all solids, and share no vertices. `shape.bin` is OCCT's binary shape."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,7 +17,7 @@ DEFLECTION_SHARE = 1e-4  # default deflection, as a fraction of the diagonal of 
 def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:
     """Read a STEP or `.bin` file and write `mesh.npz` to a folder, and `shape.bin` unless the file is binary.
     Return the number of solids and the deflection; raises ValueError if OCCT cannot read the file.
-    faces : a `.npy` file with the numbers of the faces to triangulate; all faces by default."""
+    faces : `.npy` file with the numbers of the faces to triangulate; all faces by default."""
     shape = read(path)
     if path.suffix != ".bin":
         write_binary(shape, folder / "shape.bin")
@@ -27,8 +27,8 @@ def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: st
 
 
 def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
-    """Return V, F and `face` as in `mesh.npz`, of the faces `only` (k,) or all faces; number of solids and deflection.
-    Selected faces are triangulated together, so that neighbours share the points of their edges."""
+    """Return `V`, `F` and `face` as in `mesh.npz`, and the number of solids and the deflection.
+    only : (k,) faces to triangulate; None means all faces. These faces share points along their common edges."""
     solids, deflection = parts(shape, "SOLID"), deflection or DEFLECTION_SHARE * diagonal(shape)
     faces = [face for solid in solids for face in faces_of(solid)]
     numbers = list(range(len(faces)) if only is None else map(int, only))

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from dsfab.export.cad.step.worker.shapes import bounds, compound, faces_of, gauss_kronrod_volume, is_valid, parts, read
 
-TOGETHER_LIMIT = 1e-5  # largest relative error of the volume of two halves, measured as one shape, see `VolumeErrors`
-ALONE_LIMIT = 1e-4  # largest relative error of the volume of two halves, measured separately as in CAD programs
+TOGETHER_LIMIT = 1e-5  # largest relative error of the volume of two halves, measured as one shape
+ALONE_LIMIT = 1e-4  # largest relative error of the volume of two halves, measured separately
 
 PLANES = (
     *((1.0, 0.11, 0.07, 0.03), (0.09, 1.0, -0.13, -0.05), (0.05, 0.08, 1.0, 0.02), (1.0, 0.9, 0.2, 0.07)),
@@ -19,11 +19,11 @@ PLANES = (
 )
 """Cutting planes: normal, and distance from the middle of the box as a fraction of its diagonal."""
 
-BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))  # two corners of the box for a cut, as fractions of the solids' box
+BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))  # two corners of the box that cuts, as fractions of the solids' box
 
-FILLETS, SHARP = 10, 20.0  # largest number of rounded edges, and smallest angle (degrees) between faces at such an edge
+FILLETS, SHARP = 10, 20.0  # number of edges to round; smallest angle (degrees) between their faces
 
-ROUND, OF_EDGE = 10.0, 1 / 8  # radius of a fillet in mm, and its largest value / length of the edge
+ROUND, OF_EDGE = 10.0, 1 / 8  # radius of a fillet: mm, and largest radius / length of the edge
 SMOOTH = cos(radians(1.0))  # cosine of the largest angle at which one edge continues another edge
 
 
@@ -31,16 +31,15 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
     """Return the findings about a file.
 
     solids, faces : numbers.    valid : OCCT finds no fault.    seconds : processor time of all trials.
-    volume, plain : by the Gauss-Kronrod rule, and by OCCT's default integration rule, cubic millimetres.
-    box           : OCCT's bounding box of the solids, six numbers, millimetres.
-    sound         : number of half-space cuts with two valid halves. The error of the sum of both volumes is at most
-                    `TOGETHER_LIMIT` if measured as one shape, and `ALONE_LIMIT` if measured separately. Trials end
+    volume, plain : by the Gauss-Kronrod rule, and by OCCT's default integration rule, mm3.
+    box           : OCCT's bounding box of the solids, six numbers, mm.
+    sound         : number of half-space cuts with two valid halves and volume errors below both limits. Trials end
                     with the first failure, unless `every_cut` is set.
     worst, alone  : largest relative volume error of the valid cuts, measured as one shape and separately.
-    missed        : relative volume error of each unsound cut, 1 for an invalid half, 0 for a sound cut.
-    boxed         : the parts inside and outside of a box are sound.    box_missed : as `missed`.
-    closed        : a section has no open ends.
-    again         : the shape is valid and has the same faces and volume after OCCT has written and read it.
+    missed        : relative volume error of each unsound cut; 1 for an invalid half, 0 for a sound cut.
+    boxed         : True if the parts inside and outside of a box are sound.    box_missed : as `missed`.
+    closed        : True if a section has no open ends.
+    again         : True if OCCT's copy of the file is valid and has the same faces and volume.
     fillets, sharp : number of edges across the sheet that OCCT rounded, and number of tried edges (up to ten)."""
     begin = time.process_time()
     shape = read(path)
@@ -72,8 +71,8 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
 
 
 def sample(path: Path) -> dict[str, Any]:
-    """Return the result of one cut through the middle of a file: `box`, `halves` (True if valid), `off` (as `missed`).
-    Volumes are measured last, and only for valid halves, because volumes of smooth solids take most of the time."""
+    """Return the result of one cut through the middle of a file: `box`, `halves` (True if valid) and `off`, the
+    error."""
     begin = time.process_time()
     shape = read(path)
     box = bounds(shape)
@@ -83,7 +82,7 @@ def sample(path: Path) -> dict[str, Any]:
 
 
 def _volume(shape: Any) -> float:
-    # The adaptive rule had errors of 4e-3 on a plate with 67 holes, which then seemed to lose volume at every cut.
+    # OCCT's adaptive rule is not accurate enough for plates with many holes.
     return gauss_kronrod_volume(shape, accuracy=1e-6)
 
 
@@ -99,9 +98,7 @@ def _plain_volume(shape: Any) -> float:
 class VolumeErrors(NamedTuple):
     """Relative errors of the volume of two halves: `alone` if measured separately, `together` if measured as one shape.
     `together` is measured only if `alone` is between `TOGETHER_LIMIT` and `ALONE_LIMIT`. An invalid half gives 1 and 1.
-    A gap between two trimmed faces adds an error to each half: its width times its distance from a line that OCCT (8.0)
-    chooses for this half. In one shape the two errors cancel. For a saddle of 5 m with gaps of 0.0065 mm `alone` was
-    1.9e-5, and `together` 2.4e-10. A lost piece of skin would be missing in both measures."""
+    A gap between two trimmed faces adds an error to each half. In one shape, the errors of both halves cancel."""
 
     alone: float
     together: float
@@ -162,8 +159,7 @@ def _box(box: list[float]) -> Any:
 
 
 def _split(shape: Any, tool: Any) -> list[Any]:
-    """Return the parts inside and outside of a tool, or [] if a part is invalid. Both parts come from one subdivision.
-    Two boolean operations gave equal volumes, but took up to 1.4 times as long."""
+    """Return the parts inside and outside of a tool; [] if a part is invalid. One subdivision gives both parts."""
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
 
@@ -186,7 +182,7 @@ def _split(shape: Any, tool: Any) -> list[Any]:
 
 
 def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> bool:
-    meet = 0.05  # ends of a section's edges coincide if they are at most 0.05 mm apart
+    meet = 0.05  # largest distance (mm) of coinciding ends of edges
     from OCP.BRep import BRep_Tool
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Section
     from OCP.TopoDS import TopoDS
@@ -238,7 +234,7 @@ def _fillet_counts(shape: Any) -> tuple[int, int]:
 
 def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
     """Return the sharp edges from skin to skin, and their lengths: straight edges of the most frequent length.
-    Edges that smoothly continue others lie between skin and wall; their length may equal the thickness by chance."""
+    Edges that smoothly continue other edges are excluded, because they lie between skin and wall."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as Faces
