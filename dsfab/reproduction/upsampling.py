@@ -29,7 +29,8 @@ class StripedField(NamedTuple):
 
 
 class UpsampledCut(NamedTuple):
-    """A cut by upsampling. rounds : number of times that all crowded triangles were divided.
+    """A cut by upsampling.
+    rounds    : number of times that all crowded triangles were divided.
     triangles : number of triangles in the cut sheet, material and void.
     crowded   : number of triangles that more than one stripe edge crosses, after these rounds.
     wrong     : share of the surface on which this cut and the exact cut differ."""
@@ -59,7 +60,7 @@ def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
 
 def compare_cuts(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
     """Cut any stripes on any surface by both methods. Triangles where families cross stay crowded.
-    Division ends after `rounds` rounds, or earlier without crowded triangles or with over 200 000 triangles."""
+    Division ends after `rounds` rounds, if no triangle is crowded, or above 200 000 triangles."""
     exact = _cut(surface, [family.x for family in families], [family.stripes.levels(family.x) for family in families])
     cuts: list[UpsampledCut] = []
     for number in range(rounds + 1):
