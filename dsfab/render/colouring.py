@@ -66,8 +66,7 @@ class ColourBar:
 @dataclass(frozen=True, eq=False)
 class Colouring:
     """Colours (m, 3) of a picture's faces as bytes, and its colour bar; None if the colours have no values.
-    V     : (n, 3) vertices to draw, m; None draws the vertices of the surface.
-    words : text for the caption."""
+    V : (n, 3) vertices to draw, m; None draws the vertices of the surface.    words : text for the caption."""
 
     face: Bytes
     bar: ColourBar | None = None

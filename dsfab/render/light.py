@@ -86,8 +86,7 @@ TILE = 1 << 10  # number of points lit together by twenty lamps, for the process
 
 @dataclass(frozen=True)
 class LightQuality:
-    """Lamps and their maps.
-    sun, sky, below : number of lamps in the sun, in the sky, and below the structure.
+    """Lamps and their maps. sun, sky, below : number of lamps in the sun, in the sky, and below the structure.
     sharp : side of the sun's maps, pixels.    coarse : side of all other maps, pixels.
     blur  : blur of shadows on the floor / height of the picture: for the sun, and for all other lamps.
     finer : enlargement of a picture before it is reduced, for smooth edges."""
@@ -203,8 +202,7 @@ def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
     """Return the light (k,) on pixels with bodies, and the light (h, w) on the floor divided by its unshaded light.
-    floor : (3,) normal of the floor.    level : height of the floor along this normal, scene units; None without a
-            floor."""
+    floor : (3,) normal of the floor.    level : height along this normal, scene units; None without a floor."""
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
     if level is None:

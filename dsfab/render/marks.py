@@ -38,8 +38,8 @@ LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06  # lengths, 
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
     """Return the indices of a few evenly spaced points among points (k, 3). size : size of the structure, m.
-    Each new point is the farthest from the earlier points (Gonzalez 1985). All points then move to the middle of their
-    neighbours (Lloyd 1982)."""
+    Each new point is the farthest one from earlier points (Gonzalez 1985). All points are then moved to the middle of
+    their neighbours (Lloyd 1982)."""
     chosen_list = [0]
     distances = np.linalg.norm(points - points[0], axis=1)
     while len(chosen_list) < spacing.most:

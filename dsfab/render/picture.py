@@ -41,9 +41,8 @@ def png_bytes(pixels: Bytes) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Style of a picture.
-    size : (width, height), pixels.    letters : size of letters / default size.
-    up   : direction (3,) of any length; None derives the direction from the structure."""
+    """Style of a picture. size : (width, height), pixels.    letters : size of letters / default size.
+    up : direction (3,) of any length; None derives the direction from the structure."""
 
     size: tuple[int, int] = (1600, 1200)
     up: ArrayLike | None = None
@@ -64,8 +63,7 @@ def picture(
     caption: str = "",
     look: Look = DEFAULT_LOOK,
 ) -> Bytes:
-    """Return a picture (height, width, 3) of a whole solid or sheet, from a side that suits its shape: bytes red green
-    blue.
+    """Return a picture (height, width, 3) of a whole solid or sheet, red green blue, from a side that suits its shape.
     V, F    : (n, 3) vertices, m, and (m, 3) faces, outward oriented.
     surface, load : uncut surface and its loads, for arrows, supports and the ground; give both or neither.
     family  : (m,) index of each face into `look.palette.families`; -1 for the colour `look.palette.members`.

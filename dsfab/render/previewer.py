@@ -42,8 +42,7 @@ class Previewer:
     ground  : paper, white or transparent. A transparent picture has a fourth channel.
 
     A picture shows the pattern before the cut, without thickness. The cut moves edges a little (see `snap`), joins
-    parts
-    that touch in a point, and may drop pieces without a support.
+    parts that touch in a point, and may drop pieces without a support.
     Create, use and close a Previewer in one thread. Raises DsfabError if this machine cannot draw correctly."""
 
     def __init__(
@@ -143,9 +142,7 @@ class Previewer:
 
     def display(self, preset: Preset) -> None:
         """Draw a preset of the same surface in all later pictures.
-        Changes of frequencies, phases, thresholds and reaches of plain stripes are fast. Changes of other keys of
-        [pattern],
-        of r and of gamma are slower.
+        Changed frequencies, phases, thresholds and reaches of plain stripes are fast. Other keys are slower.
         Raises DsfabError for a different [surface] or an invalid preset, and then keeps the old preset."""
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(

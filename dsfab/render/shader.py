@@ -100,10 +100,8 @@ ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.
 
 @dataclass(frozen=True)
 class ShaderProgram:
-    """Optional parts of the shader's program.
-    vary    : names of the `FIELDS` that differ between vertices; the modes always differ.
-    walls   : True if walls are visible.    normals : True if normals are the output.
-    tinted  : True if families have tints."""
+    """Optional parts of the shader's program. vary : names of the `FIELDS` that differ between vertices.
+    walls : True for visible walls.    normals : True for normals as output.    tinted : True if families have tints."""
 
     vary: tuple[str, ...] = ("modes",)
     walls: bool = False

@@ -13,9 +13,8 @@ VIEW_DEGREES = 24.0  # degrees; vertical view angle, small for a weak perspectiv
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera at `eye` that looks along `forward`; `right` and `up` span the picture.
-    slope : tangent of half the view angle.    floor : unit normal of the floor.
-    front : True if a plate is seen from the front, with a board as its floor."""
+    """Camera at `eye` that looks along `forward`; `right` and `up` span the picture. slope : tan(half the view angle).
+    floor : unit normal of the floor.    front : True for a plate seen from the front, with a board as its floor."""
 
     eye: Floats
     right: Floats

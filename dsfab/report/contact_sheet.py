@@ -25,9 +25,8 @@ PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
 @dataclass(frozen=True, eq=False)
 class ContactTile:
-    """A variant on a contact sheet.
-    number     : from 1.    parameters : (short name, text) of each.    command : command line of the variant.
-    png        : the picture as a PNG file, which needs less memory than an image; None after an error."""
+    """A variant on a contact sheet. number : from 1.    parameters : (short name, text) of each.
+    command : command line of the variant.    png : picture as a PNG file; None after an error."""
 
     number: int
     parameters: tuple[tuple[str, str], ...]

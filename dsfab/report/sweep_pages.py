@@ -52,8 +52,7 @@ def require_view(name: str) -> None:
 
 @dataclass(frozen=True)
 class SheetDrawer:
-    """Drawer of the cut sheet of a design as PNG. A drawer can be pickled. size : pixels.    view : as in `dsfab
-    preview`.
+    """Drawer of the cut sheet of a design as PNG; it can be pickled. size : pixels.    view : as in `dsfab preview`.
     The uncut surface fills the picture. So a place of the surface is at the same pixel in all pictures.
     Raises DsfabError for an unknown view, or if this machine cannot draw."""
 

@@ -129,8 +129,7 @@ def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
 
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
-    """Return lines along unit directions (m, 3), whose sign does not count. clear : (m,) True for faces with a
-    direction.
+    """Return lines along unit directions (m, 3), whose sign does not count. clear : (m,) faces that have a direction.
     The distance between lines is about `apart`, m. Each line is longer than `apart`."""
     walk = _Walk(surface, direction, clear, apart)
     centres = surface.centroids

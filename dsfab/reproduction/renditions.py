@@ -78,8 +78,7 @@ class Rendition:
 
 
 def renditions(design: Design) -> tuple[Rendition, ...]:
-    """Return three renditions: the paper to the letter, the unchanged preset, and evenly spaced stripes (share:
-    `SHARES`).
+    """Return three renditions: the paper to the letter, the unchanged preset, and evenly spaced stripes.
     design : design of a preset of the paper, made up to its pattern."""
     uncut: dict[str, float] = {}
     letter = measured_rendition("letter", design, LETTER, uncut)

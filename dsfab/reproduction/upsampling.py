@@ -29,8 +29,7 @@ class StripedField(NamedTuple):
 
 
 class UpsampledCut(NamedTuple):
-    """A cut by upsampling.
-    rounds    : number of times that all crowded triangles were divided.
+    """A cut by upsampling. rounds : number of times that all crowded triangles were divided.
     triangles : number of triangles in the cut sheet, material and void.
     crowded   : number of triangles that more than one stripe edge crosses, after these rounds.
     wrong     : share of the surface on which this cut and the exact cut differ."""

@@ -148,8 +148,7 @@ def table_pages(
     places: Sequence[float],
     note: str,
 ) -> list[PartsPage]:
-    """Return pages of a table whose first column is bold.
-    size   : rows on a page, and sets of columns side by side.
+    """Return pages of a table whose first column is bold. size : rows on a page, and sets of columns side by side.
     places : places of the columns, mm. Words at places below 50 are flush left, all other words flush right."""
     down, columns = size
 
