@@ -35,20 +35,21 @@ if TYPE_CHECKING:
 
 CLIENT_LOOK = Look((1600, 1600))  # default style of preview.png
 ANALYSIS_LOOK = Look((800, 760))  # default style of each half of analysis.png
-SMALLEST_BUILDING = 2.5  # a pencil, not a person, shows the scale of models below this size (m)
+SMALLEST_BUILDING = 2.5  # size (m) below which a pencil shows the scale, otherwise a person
 MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of main view and caption, divided by the picture's height
 MAIN_LIGHT, PANEL_LIGHT = LightQuality(8, 24, 6), LightQuality(2, 4, 1, 320, 192, (0.012, 0.05))
 """Light of the main view, and of smaller views."""
 LETTERS = 0.68  # size of letters, divided by the default size
-PANEL_SHARE = 0.84  # a plan or an elevation fills at most this share of its panel's width and height
+PANEL_SHARE = 0.84  # largest width and height of a plan or elevation / size of its panel
 WALL_VIEW = "24,9"  # azimuth and elevation (degrees) of the view of a standing plate
 
 
 @dataclass(frozen=True, eq=False)
 class ClientPicture:
     """Data of preview.png, which a second process can draw.
-    V, F    : solid (n, 3) metres and (m, 3), outward oriented.    half : half of the sheet's thickness (m).
-    surface, load : uncut surface and its supports.    caption : line below the picture."""
+    V, F    : solid, (n, 3) vertices, m, and (m, 3) faces, outward oriented.
+    half    : half of the sheet's thickness, m.    caption : line below the picture.
+    surface, load : uncut surface and its supports."""
 
     V: Floats
     F: Ints
@@ -100,7 +101,7 @@ class ClientPicture:
 
     def render(self) -> Bytes:
         """Return (height, width, 3) bytes: the main view, and below it a plan and an elevation at one scale.
-        Call `require_rendering` first: VTK may end the process. Raises DsfabError for a solid without faces."""
+        Call `require_rendering` first, because VTK may end the process. Raises DsfabError for a solid without faces."""
         from PIL import Image
 
         palette, stage = self.look.palette, self.stage
@@ -131,7 +132,7 @@ class ClientPicture:
 class AnalysisPicture:
     """Data of analysis.png, which a second process can draw: loads and supports on the left, stress on the right.
     loaded  : picture of the left half. The right half has the same view, size and colours.
-    V, F    : cut sheet (n, 3) metres and (m, 3).    faces : colours of its faces, colour bar and caption.
+    V, F    : cut sheet, (n, 3) vertices, m, and (m, 3) faces.    faces : face colours, colour bar and caption.
     callouts: notes that point to places of the cut sheet."""
 
     loaded: StructurePicture

@@ -29,9 +29,9 @@ STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "bucklin
 DEFORMED = ("displacement", "buckling", "frequency")  # results that are drawn as a deformed shape
 MODE_FIELDS = ("major_mode", "minor_mode")  # pictures of the modes of both families
 WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)  # pictures of the uncut sheet, without stripes
-COLOUR_PERCENTILE = 98.0  # the scale ends at this percentile of the stress, below the peaks at loads and supports
+COLOUR_PERCENTILE = 98.0  # percentile of the stress at the end of the scale, below peaks
 
-# blue is compression and red is tension; colour-blind people can distinguish these two colours
+# blue is compression, red is tension; colour-blind people can distinguish blue and red
 _DIVERGING = np.array(
     [(33, 80, 140), (84, 140, 190), (166, 200, 222), (240, 236, 228), (238, 190, 160), (210, 110, 80), (150, 38, 40)],
     dtype=np.float64,
@@ -52,7 +52,7 @@ _RISING = np.array(
 @dataclass(frozen=True, eq=False)
 class ColourBar:
     """Colour scale of a picture.
-    limit   : value at the right end; the left end is -limit if values can be negative, else 0.
+    limit   : value at the right end. The left end is -limit if values can be negative, else 0.
     labels  : labels below the left end, middle and right end.        names : labels above the left and right end.
     colours : (k, 3) from left to right.                              bands : number of steps; 0 for a smooth scale."""
 
@@ -65,8 +65,8 @@ class ColourBar:
 
 @dataclass(frozen=True, eq=False)
 class Colouring:
-    """Colours (m, 3) of a picture's faces as bytes, and its colour bar; None if the colours stand for no values.
-    V : (n, 3) vertices to draw (m); None draws the vertices of the surface.    words : text for the caption."""
+    """Colours (m, 3) of a picture's faces as bytes, and its colour bar; None if the colours have no values.
+    V : (n, 3) vertices to draw, m; None draws the vertices of the surface.    words : text for the caption."""
 
     face: Bytes
     bar: ColourBar | None = None
@@ -85,7 +85,7 @@ def check_show(show: str) -> None:
 
 
 def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
-    """Return the colours of the uncut surface's faces; see `answer_colouring` for results of the statics.
+    """Return the colours of the uncut surface's faces. `answer_colouring` makes the colours for results of the statics.
     The picture `stress` shows the principal stress with the larger absolute value, tension positive.
     Raises DsfabError for a result that the preset does not request."""
     if show in STATICS_RESULTS:
@@ -199,7 +199,7 @@ def with_bar(image: "Image", bar: ColourBar, palette: Palette) -> "Image":
 
 
 EXAGGERATION = 0.08  # largest drawn displacement of a vertex, divided by the size of the surface
-YIELD_COLOUR = (96, 40, 150)  # violet for faces whose stress exceeds the strength; the colour scale has no violet
+YIELD_COLOUR = (96, 40, 150)  # violet, for faces whose stress exceeds the strength
 
 
 def preset_with_mode(preset: "Preset", show: str) -> "Preset":

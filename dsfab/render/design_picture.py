@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 def caption(design: Design) -> str:
     """Return the caption of a design's picture: name, kept share, thickness, mass and number of pieces.
-    The caption ends with a warning if the design has a verdict and does not carry its loads."""
+    A warning is added if a verdict exists and the design does not carry its loads."""
     pieces, judged = design.solid.pieces, design.existing_result("carrying")
     warning = " - DOES NOT CARRY ITS LOADS" if judged and judged.faults else ""
     share = design.sheet.surface.area / design.surface.area

@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 
 EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")  # all marks beside a structure
 LAYERS = ("loads", "supports", "person")  # marks that a picture shows by default
-PERSON_RANGE = (2.0, 60.0)  # least and largest height (m) of a structure that has a person beside it
+PERSON_RANGE = (2.0, 60.0)  # least and largest height (m) of a structure with a person beside it
 PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0  # heights of the person and of the tree (m)
 
 
 @dataclass(frozen=True, eq=False)
 class Annotations:
     """Marks beside a structure.
-    surface, load : uncut surface and its loads, for arrows, supports and the ground; give both or neither.
-    reaction      : (n, 3) forces of the supports on the structure (N).
+    surface, load : uncut surface and its loads, for arrows, supports and the ground; either both or neither.
+    reaction      : (n, 3) forces of the supports on the structure, N.
     gradient      : (m, 3) gradient of a mode on each face, drawn as arrows.
-    layers        : names from `EVERY_LAYER`; a person stands only beside structures with a height in `PERSON_RANGE`."""
+    layers        : names from `EVERY_LAYER`. The height of a structure with a person is in `PERSON_RANGE`."""
 
     surface: Surface | None = None
     load: LoadCase | None = None
@@ -42,8 +42,8 @@ class Annotations:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Bodies, camera and floor of a picture, and a sphere around the structure: its `centre` (3,) and `radius` (m).
-    level : height of the floor along `view.floor` (m); None without a floor."""
+    """Bodies, camera and floor of a picture, and a sphere around the structure: its `centre` (3,) and `radius`, m.
+    level : height of the floor along `view.floor`, m; None without a floor."""
 
     bodies: list[Body]
     view: View
@@ -152,7 +152,7 @@ def person(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
     return foot + flat[:, :1] * right + flat[:, 1:] * up, np.concatenate(faces)
 
 
-# rows from top to bottom, in metres: (half width, height) of the body; (middle, half width, height) of the limbs
+# rows from top to bottom, m; body: (half width, height); limbs: (middle, half width, height)
 _BODY = [
     (0.002, 1.75), (0.040, 1.743), (0.064, 1.720), (0.077, 1.680), (0.078, 1.640), (0.070, 1.590), (0.053, 1.545),
     (0.047, 1.515), (0.052, 1.490), (0.090, 1.467), (0.145, 1.447), (0.188, 1.420), (0.200, 1.385), (0.180, 1.280),
@@ -168,8 +168,8 @@ _LEG = [
 ]  # fmt: skip
 
 GroundKind = Literal["paper", "white", "transparent"]  # ground of a picture
-FINER = light.FINE.finer  # factor by which a picture is drawn larger and then reduced, for smooth edges
-EDGE_COSINE = np.float32(0.87)  # an edge becomes a line if the angle between its faces' normals has a smaller cosine
+FINER = light.FINE.finer  # enlargement of a picture before it is reduced, for smooth edges
+EDGE_COSINE = np.float32(0.87)  # largest cosine between the normals beside an edge that is drawn
 
 
 def check_ground(ground: str) -> None:
@@ -258,7 +258,7 @@ def _codes(colours: Bytes) -> Ints:
 
 def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
     """Return the strength (h, w) of edge lines, 0..1, at sudden changes of normal or depth (Saito and Takahashi 1990).
-    A line lies on the nearer of two pixels. jump : least change of depth, in units of `Scene.radius`."""
+    An edge line lies on the nearer one of two pixels. jump : least change of depth, in units of `Scene.radius`."""
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows need less memory than the whole picture
         columns = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))
@@ -283,7 +283,7 @@ def _strip_edge_strengths(depth: Floats32, normal: Bytes, jump: float) -> Floats
         inner = tuple(slice(1, -1) if a == axis else slice(None) for a in range(2))
         head_depth, tail_depth = flat[head], flat[tail]
         step = np.abs(head_depth - tail_depth)
-        # from pixel to pixel, the depth changes by equal steps on a slanted face, but by unequal steps at an edge
+        # steps of depth between pixels are equal on a slanted face, and unequal at an edge
         steady = np.full_like(flat, np.inf)
         steady[inner] = np.minimum(step[head], step[tail])
         excess = step - 2 * np.minimum(steady[head], steady[tail])

@@ -19,7 +19,7 @@ MarkName = Literal["load", "support", "reaction", "person", "masonry", "tension"
 @dataclass(frozen=True)
 class Palette:
     """Colours of a picture: red, green and blue in 0..255.
-    families : colours of families (major, minor, kept).    tints : stronger ones, for the preview `families`.
+    families : colours of families (major, minor, kept).    tints : stronger colours, for the preview `families`.
     ink : darkness of edge lines, 0..1."""
 
     paper: Colour = (253, 252, 249)

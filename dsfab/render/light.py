@@ -11,9 +11,9 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
-GRAIN = 1.2  # largest random offset (map pixels) at which a shadow map is read; it hides the map's steps
-SURFACE_LIFT = 2.5  # height above a surface at which its light is computed (map pixels), against false shadows
-LARGEST_DEPTH = np.float32(0.9999)  # a larger depth means that the lamp sees no body in this map pixel
+GRAIN = 1.2  # largest random offset (map pixels) in a shadow map; hides its steps
+SURFACE_LIFT = 2.5  # height above a surface (map pixels) where its light is computed; prevents false shadows
+LARGEST_DEPTH = np.float32(0.9999)  # depth of a map pixel above which the lamp sees no body
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
@@ -26,8 +26,8 @@ def frame_towards(towards: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """Shadow maps of b lamps. A single matrix product serves all lamps, because many small products are slow.
-    maps    : (b, s, s) depth from each lamp, see `Scene.lamp`.
+    """Shadow maps of b lamps. A single matrix product serves all lamps.
+    maps    : (b, s, s) depth from each lamp, as from `Scene.lamp`.
     placing : (3 b, 6) matrix that maps (point, random offset, 1) to columns, rows and depths of the maps.
     towards : (b, 3) unit vectors towards the lamps, times the strengths of the lamps."""
 
@@ -57,7 +57,7 @@ class ShadowMaps:
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
         queries[3:5] = grain[:, : points.shape[1]]
-        # points outside all maps are lit, such as the distant ground and marks beside the structure
+        # points outside all maps are lit, for example distant ground
         reach = np.einsum("ik,ik->k", queries[:3], queries[:3]).max()
         leaves_maps = reach >= (1 - 2 * (GRAIN + 1) / side) ** 2
         column, row, depth = (self.placing @ queries).reshape(3, count, -1)
@@ -81,15 +81,15 @@ class ShadowMaps:
 LIGHT_SHARES = (0.60, 0.44, 0.14)  # light of sun, sky and floor on a surface that faces the light
 AMBIENT = 0.10  # light that every point receives in addition
 CHUNK = 1 << 15  # number of points coloured together; their arrays fit the processor's cache
-TILE = 1 << 10  # number of points lit together by twenty lamps; their arrays fit the processor's cache
+TILE = 1 << 10  # number of points lit together by twenty lamps, for the processor's cache
 
 
 @dataclass(frozen=True)
 class LightQuality:
     """Lamps and their maps. sun, sky, below : number of lamps in the sun, in the sky, and below the structure.
-    sharp : side of the sun's maps (pixels).    coarse : side of all other maps (pixels).
-    blur  : blur of shadows on the floor, divided by the picture's height: for the sun, and for all other lamps.
-    finer : factor by which a picture is drawn larger and then reduced, for smooth edges."""
+    sharp : side of the sun's maps, pixels.    coarse : side of all other maps, pixels.
+    blur  : blur of shadows on the floor / height of the picture: for the sun, and for all other lamps.
+    finer : enlargement of a picture before it is reduced, for smooth edges."""
 
     sun: int = 10
     sky: int = 36
@@ -159,8 +159,8 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
     """Return the light (2, k) of the sun and of all other lamps on points (3, k) with normals (3, k), in scene units.
-    paired : the first `paired` points are pairs of neighbours. Half of the sky lamps, with double strength, light the
-             first point of each pair. The other half light the second point."""
+    paired : number of points at the start that form pairs of neighbours. Half of the sky lamps, with double strength,
+             light the first point of each pair. The other half light the second point."""
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
     quality, numbers = all_lamps.quality, np.arange(len(all_lamps.strength))
@@ -202,7 +202,7 @@ def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
     """Return the light (k,) on pixels with bodies, and the light (h, w) on the floor divided by its unshaded light.
-    floor : (3,) normal of the floor.    level : its height along this normal, scene units; None without a floor."""
+    floor : (3,) normal of the floor.    level : height along this normal, scene units; None without a floor."""
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
     if level is None:
@@ -220,7 +220,7 @@ def pixel_and_floor_light(
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
     """Return points and normals (3, k + spare) of k pixels with bodies, in scene units; the last `spare` are empty.
-    Points are in the order of strips of rows: neighbours are close in memory, which saves two thirds of the time."""
+    The points are in the order of strips of rows. Neighbours are then close in memory, which saves time."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):
         _strip_points(scene, view, pixels, hit, rows, (points[:, pixel_range], normals[:, pixel_range]))

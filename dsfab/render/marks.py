@@ -37,8 +37,9 @@ LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06  # lengths, 
 
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
-    """Return the indices of a few evenly spaced points among points (k, 3). size : size of the structure (m).
-    Each is the farthest from those before (Gonzalez 1985), then moves to the middle of its neighbours (Lloyd 1982)."""
+    """Return the indices of a few evenly spaced points among points (k, 3). size : size of the structure, m.
+    Each new point is the farthest one from earlier points (Gonzalez 1985). All points are then moved to the middle of
+    their neighbours (Lloyd 1982)."""
     chosen_list = [0]
     distances = np.linalg.norm(points - points[0], axis=1)
     while len(chosen_list) < spacing.most:
@@ -65,10 +66,10 @@ class ForceArrows:
 
 
 def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye: Floats, up: Floats) -> MarkMesh:
-    """Return a few slim arrows for the loads: each shows the force on the vertices nearest to it.
-    size : size of the structure (m).   lift : half of its thickness (m).
-    eye  : (3,) unit vector towards the eye: arrows along the surface lie on its visible side.
-    up   : (3,) unit vector: arrows on an open sheet lie on its upper side, for any direction of its faces."""
+    """Return a few slim arrows for the loads. An arrow shows the force on the vertices nearest to it.
+    size : size of the structure, m.    lift : half of the structure's thickness, m.
+    eye  : (3,) unit vector towards the eye; arrows along the surface lie on its visible side.
+    up   : (3,) unit vector; arrows on an open sheet lie on its upper side."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V, at_points, elsewhere = surface.V, acts & load.loaded, acts & ~load.loaded
     points = _gathered_forces(V, load.force, at_points, POINT_LOAD_SPACING, LONGEST_POINT * size, size)
@@ -78,7 +79,7 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     along = pull / np.linalg.norm(pull, axis=1, keepdims=True)
     normal = surface.vertex_normals[vertices] * _outer(surface, up)
     out = np.einsum("ki,ki->k", along, normal)
-    # pressure arrows touch the surface with their tip, suction arrows with their tail; other arrows lie above
+    # tips of pressure arrows and tails of suction arrows touch the surface
     level = np.abs(out) < 0.3
     away = np.where(level, np.where(normal @ eye < 0, -1.0, 1.0), -np.sign(out))[:, None] * normal
     away[out > 0.3] *= -1
@@ -207,7 +208,7 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
 
 def place_beside(V: Floats, side: ViewSide, up: Floats, level: float, which: float = 1.0) -> tuple[Floats, Floats]:
     """Return a place (3,) on the ground to the right of vertices V (n, 3) and in front, and the unit vector (3,) right.
-    level : height of the ground (m).    which : 1, or -1 for a place to the left and behind."""
+    level : height of the ground, m.    which : 1, or -1 for a place to the left and behind."""
     right = unit_vectors(np.cross(side.up, side.towards)[None])[0]
     x, y, front = V @ right * which, V @ np.cross(right, up), np.cross(right, up)
     gap = max(0.03 * float(np.ptp(x)), min(0.6, 0.12 * float(np.ptp(x))))
@@ -244,7 +245,7 @@ BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of a bar, divided by the d
 
 def crosses(design: "Design", palette: Palette) -> Body:
     """Return crosses of two bars along the directions of diffusion, at evenly spaced places on anisotropic faces.
-    Blue is compression, red is tension. For combined cases red is the first direction and blue the second.
+    Blue is compression, red is tension. For combined cases, red is the first direction, and blue the second.
     Raises DsfabError if all faces are isotropic: with `diffusion.r` = 1, or without a stress."""
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():

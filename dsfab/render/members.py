@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
     """Return data of all members for JSON: name, length and width (m), largest curvature (1/m), half-width `reach` (m).
-    `places` are points [x, y, z, ...] on the member, in metres from the middle of the surface's bounding box.
+    `places` are points [x, y, z, ...] on the member, m, from the middle of the surface's bounding box.
     `nearest` is the number of the nearest member at each vertex of the drawn mesh.
-    judged : whether to add `utilisation`, None for members without a check. Raises DsfabError if the strength is
-             missing, nothing carries the loads, or the pattern leaves no material."""
+    judged : True to add `utilisation`, which is None for members without a check.
+    Raises DsfabError if the strength is missing, nothing carries the loads, or the pattern leaves no material."""
     graph, V = draft.members, draft.surface.V
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
     places = [_places(member, graph.sheet.surface.centroids) for member in graph.members]
@@ -94,7 +94,7 @@ def rated_members_picture(
     design: "Design", band: Ints, count: int, names: Sequence[str], *, size: tuple[int, int], palette: Palette = PAPER
 ) -> Bytes:
     """Return a picture of a design's sheet in colour bands, with the names of chosen members, (height, width, 3) bytes.
-    band : (m,) number of each cell's band, 0 to `count` - 1 (see `band_colours`), or -1 without a band.
+    band : (m,) number of each cell's band, 0 to `count` - 1, as in `band_colours`; -1 without a band.
     Raises DsfabError if this machine cannot draw."""
     table = np.array([*band_colours(count), palette.plain], dtype=np.uint8)
     ink = dict.fromkeys(names, palette.text)
@@ -129,7 +129,7 @@ class _MembersDrawing:
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, transparent=self.ground == "transparent")
             depth = scene.pixels(stage.view, FINER * size[0], FINER * size[1]).depth * stage.radius
-        # more than 90 members have smaller letters, unless at most 12 names are shown
+        # letters are smaller if there are over 90 members and over 12 names
         letter = size[1] / 62 * min(1.0, np.sqrt(90 / len(graph.members)) if len(names) > 12 else 1.0)
         plates = list(_plates(graph, stage, depth, (size, names, palette)))
         image = with_names(image, place_names(plates, size, letter), letter, palette.paper)

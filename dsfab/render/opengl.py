@@ -9,9 +9,9 @@ from functools import cache
 from dsfab.core.errors import DsfabError
 
 WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"  # environment variable by which VTK chooses its kind of window
-SECONDS = 120  # time limit of the test, which takes half a second on an idle machine
+SECONDS = 120  # time limit of the test
 
-# VTK loads its graphics libraries at the first frame, so the test draws a red frame and reads its colour
+# the test draws a red frame, because VTK loads its graphics libraries at the first frame
 PROBE = """
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
@@ -50,8 +50,8 @@ def assume_window(window: str | None = None) -> str:
 
 
 def require_rendering() -> None:
-    """Raise DsfabError with the packages to install if this machine cannot draw.
-    Else set VTK_DEFAULT_OPENGL_WINDOW to a kind of window that works, if VTK needs this. Each kind is tested once."""
+    """Raise DsfabError with the packages to install if this machine cannot draw. Each kind of window is tested once.
+    The variable VTK_DEFAULT_OPENGL_WINDOW is set to a kind that works, if VTK needs it."""
     chosen = _window_choice()
     while _PROBES:
         _PROBES.pop().join()

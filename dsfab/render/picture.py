@@ -19,8 +19,8 @@ from dsfab.surface import LoadCase, Surface
 
 
 def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
-    """Write a picture as a PNG file, and return its path. After a failure no partial file remains, and this raises
-    ExportError. effort : effort of compression, 1 to 9; effort 6 takes twice as long as 4, for 5 % smaller files."""
+    """Write a picture as a PNG file, and return its path. After a failure no partial file remains.
+    effort : effort of compression, 1 to 9. Raises ExportError if the file cannot be written."""
     from PIL import Image
 
     from dsfab.export.writing import atomic_file
@@ -41,7 +41,7 @@ def png_bytes(pixels: Bytes) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Style of a picture. size : (width, height) in pixels.    letters : size of letters, divided by the default size.
+    """Style of a picture. size : (width, height), pixels.    letters : size of letters / default size.
     up : direction (3,) of any length; None derives the direction from the structure."""
 
     size: tuple[int, int] = (1600, 1200)
@@ -63,13 +63,12 @@ def picture(
     caption: str = "",
     look: Look = DEFAULT_LOOK,
 ) -> Bytes:
-    """Return a picture of a whole solid or sheet, from a side that suits its shape.
-    V, F    : (n, 3) metres and (m, 3), outward oriented.
+    """Return a picture (height, width, 3) of a whole solid or sheet, red green blue, from a side that suits its shape.
+    V, F    : (n, 3) vertices, m, and (m, 3) faces, outward oriented.
     surface, load : uncut surface and its loads, for arrows, supports and the ground; give both or neither.
-    family  : (m,) index into `look.palette.families` for each face, -1 for the colour `look.palette.members`.
+    family  : (m,) index of each face into `look.palette.families`; -1 for the colour `look.palette.members`.
     caption : line below the picture.
-    Returns (height, width, 3) bytes, red green blue. Raises DsfabError for a solid without faces, or if this machine
-    cannot draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time."""
+    Raises DsfabError for a solid without faces, or if this machine cannot draw. Draw in one thread at a time."""
     require_rendering()
     vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
     if not len(faces):
@@ -84,10 +83,10 @@ def picture(
 @dataclass(frozen=True, eq=False)
 class StructurePicture:
     """Data of a picture of a finished structure from a chosen side, which a second process can draw.
-    V, F    : (n, 3) metres and (m, 3), outward oriented.    half : half the structure's thickness (m).
+    V, F    : (n, 3) vertices, m, and (m, 3) faces, outward oriented.    half : half of the structure's thickness, m.
     side, up: view side, and (3,) unit vector up.
     annotations : marks beside the structure.    caption : line below the picture.
-    look    : size and colours; its `up` is not used.    clear : transparent ground in place of paper.
+    look    : size and colours; its `up` is not used.    clear : True for a transparent ground.
     colours : (3,) or (m, 3) of the faces; None for the colour of members."""
 
     V: Floats

@@ -33,16 +33,16 @@ TRIAL_SIZE = (96, 72)  # size of the pictures that test the shader (pixels)
 
 class Previewer:
     """Pictures of a design under changing parameters; use as `with Previewer(design) as previewer`.
-    design  : a Design, or a draft (see `dsfab.design.draft`); neither needs a cut sheet or a solid.
-    view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.render.view.named_side`).
+    design  : a Design, or a draft from `dsfab.design.draft`. A cut sheet or a solid is not necessary.
+    view    : iso, top, front, side or 'azimuth,elevation' in degrees, as in `dsfab.render.view.named_side`.
     show    : structure; stress; families; major or minor for one family and kept regions. On the uncut sheet: loads,
-              directions, major_mode, minor_mode, vonmises, utilisation or energy; or exaggerated: displacement,
+              directions, major_mode, minor_mode, vonmises, utilisation or energy. Exaggerated: displacement,
               buckling or frequency.
-    marks   : whether to show loads, supports and a person; or names from `EVERY_LAYER`.
-    ground  : paper, white or transparent; a transparent picture has a fourth channel.
+    marks   : True for loads, supports and a person; or names from `EVERY_LAYER`.
+    ground  : paper, white or transparent. A transparent picture has a fourth channel.
 
-    A picture shows the pattern before the cut. The cut moves edges a little (see `snap`), joins parts that touch in a
-    point, and may drop pieces without a support. The solid's thickness is not visible.
+    A picture shows the pattern before the cut, without thickness. The cut moves edges a little (see `snap`), joins
+    parts that touch in a point, and may drop pieces without a support.
     Create, use and close a Previewer in one thread. Raises DsfabError if this machine cannot draw correctly."""
 
     def __init__(
@@ -141,8 +141,8 @@ class Previewer:
         return same_shape and (not (self._arrows or shown == "directions") or preset.diffusion == drawn.diffusion)
 
     def display(self, preset: Preset) -> None:
-        """Draw a preset of the same surface in all later pictures. Changed frequencies, phases, thresholds and reaches
-        of plain stripes are fast. Other keys of [pattern] change values at all vertices; r and gamma change the modes.
+        """Draw a preset of the same surface in all later pictures.
+        Changed frequencies, phases, thresholds and reaches of plain stripes are fast. Other keys are slower.
         Raises DsfabError for a different [surface] or an invalid preset, and then keeps the old preset."""
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(
@@ -183,8 +183,8 @@ class Previewer:
         words: bool = True,
     ) -> Bytes:
         """Return the current picture, (height, width, 3) bytes, or (height, width, 4) on transparent ground.
-        size : (width, height) in pixels. words : whether to draw caption and legend. Raises PatternError if the pattern
-        leaves no material."""
+        size : (width, height), pixels.    words : True to draw caption and legend.
+        Raises PatternError if the pattern leaves no material."""
         if threading.get_ident() != self._thread:
             raise DsfabError("a Previewer draws only in the thread that made it; make a Previewer in each thread")
         stage = replace(self._stage, view=self._view(size, words))
@@ -233,7 +233,7 @@ class Previewer:
         design, mesh = self._made, self._mesh
         self._shader = StripeShader(vertex_fields(design, mesh, self._distances(design)), self._tints)
         V, normals = self._V, None
-        if mesh.even:  # one normal on both sides of the chart's borders, so that light does not show them
+        if mesh.even:  # equal normals on both sides of a chart's border hide the border
             normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
         return Body(
             mesh.surface.V if V is None else mesh.carry(V),
@@ -279,7 +279,7 @@ def layer_names(marks: bool | Collection[str], view: str) -> set[str]:
 
 class Previewers:
     """Previewers for a sequence of presets; use as `with Previewers(view=..., ...) as previewers`.
-    sketched : function that receives a sketch of each new design (see `Design.sketch`).
+    sketched : function of the sketch of each new design, as from `Design.sketch`.
     options  : options of every `Previewer`."""
 
     def __init__(self, sketched: Callable[[Design], None] | None = None, **options: Any) -> None:
@@ -337,8 +337,8 @@ def panels(
     **options: Any,
 ) -> PanelsPicture:
     """Return one picture that consists of the pictures `names`. pixels : size of each.    options : of `Previewer`.
-    If loads have their own picture, the remaining pictures have no arrows, unless the options have `marks`.
-    If this design lacks a result, its picture is omitted and reported. Raises DsfabError if no picture is left."""
+    If loads have their own picture, the remaining pictures have no arrows, unless the options contain `marks`.
+    A picture is omitted and reported if the design lacks its result. Raises DsfabError if no picture is left."""
     pictures, refused = [], []
     alone = "marks" not in options and "loads" in names
     for name in names:

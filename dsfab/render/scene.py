@@ -1,7 +1,7 @@
 """The scene in VTK: an off-screen window with meshes, and depth, normal and colour of each pixel.
 
-VTK's lighting is off, so that software rendering and graphics cards give the same picture. The code uses VTK itself,
-because pyvista takes a quarter of a second to import, and its plotter another 75 MB."""
+VTK's lighting is off, so that software rendering and graphics cards give the same picture. The code uses VTK without
+pyvista, which would need more time and memory."""
 
 import re
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ from dsfab.surface import signed_volume
 if TYPE_CHECKING:
     from dsfab.render.shader import StripeShader
 
-NORMAL_STEPS = 1 << 10  # normals count as equal if their components are equal after rounding to 2 / `NORMAL_STEPS`
+NORMAL_STEPS = 1 << 10  # components of normals are rounded to 2 / `NORMAL_STEPS` for comparison
 
 
 class Window:
@@ -187,15 +187,15 @@ Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
-SHARP_DEGREES = 35.0  # an edge looks sharp if the angle between its faces is at least this (degrees)
+SHARP_DEGREES = 35.0  # degrees; smallest angle between the faces of an edge that looks sharp
 LAMP_AWAY, LAMP_DEPTHS = 3.0, (1.9, 4.1)  # distance of lamps from the centre, and depths that they see; scene units
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Mesh of vertices V (n, 3) in metres and faces F (m, 3), with a colour (3,) or (m, 3) in 0..255.
-    casts   : whether the body throws shadows.    shader : shader that removes material outside a pattern.
-    half    : half of the thickness of the walls that the shader draws (m).
+    """Mesh of vertices V (n, 3), m, and faces F (m, 3), with a colour (3,) or (m, 3) in 0..255.
+    casts   : True if the body throws shadows.    shader : shader that removes material outside a pattern.
+    half    : half of the thickness of the walls that the shader draws, m.
     normals : (m, 3, 3) at corners of faces; None computes normals."""
 
     V: Floats
@@ -224,8 +224,8 @@ def shading(V: Floats, F: Ints) -> Floats32:
 @dataclass(frozen=True, eq=False)
 class Pixels:
     """Depth, normal and colour of the pixels (h, w) of a picture, row 0 on top; lengths in units of `Scene.radius`.
-    depth : (h, w) along the view, infinite where the picture is empty.    colour : (h, w, 3) in 0..255.
-    normal : (h, w, 3) components as bytes: 0 for -1, 255 for 1."""
+    depth  : (h, w) along the view; infinite where the picture is empty.
+    normal : (h, w, 3) components as bytes: 0 for -1, 255 for 1.    colour : (h, w, 3) in 0..255."""
 
     depth: Floats32
     normal: Bytes
@@ -234,8 +234,8 @@ class Pixels:
 
 class Scene:
     """Bodies in OpenGL, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
-    Scene units are relative, so that millimetres and kilometres look alike. The origin is `centre`. The unit of length
-    is `radius`, of a sphere around all bodies with a shadow. Create, use and close a scene in one thread."""
+    Lengths are in scene units, for structures of any size. `centre` is the origin, and `radius` is 1: the radius of a
+    sphere around all bodies with a shadow. Create, use and close a scene in one thread."""
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         self.centre, self.radius = centre, radius

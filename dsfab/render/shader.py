@@ -1,7 +1,7 @@
 """Shader that draws an uncut surface as if it were cut: it removes pixels outside stripes and kept regions.
 
-Material is where |z - k| < d for an integer k, as in slicing. Phase z and half-width d are linear on each face. So a
-new pattern changes only a few numbers of the shader."""
+Material is where |z - k| < d for an integer k, as in slicing. Phase z and half-width d are linear on each face.
+A new pattern changes only a few numbers of the shader."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -20,10 +20,10 @@ _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Imp
 _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
 FIELDS = ("modes", "widths", "kept")  # names of the three pairs of columns of `StripeShader.fields`
-TIE = 2e-6  # margin (periods) for rounding errors: a half-width 0 must give no material, and 1/2 no opening
+TIE = 2e-6  # margin (periods) for rounding: half-width 0 gives no material, 1/2 no opening
 
-# (wave(t) + 1) / 4 is the distance from t to the nearest half-integer; in material this distance exceeds 1/2 - d. The
-# vertex shader computes the linear part, because in software rendering each number that a pixel reads takes time
+# (wave(t) + 1) / 4 is the distance from t to the nearest half-integer; in material this distance exceeds 1/2 - d.
+# the vertex shader computes the linear part, to save time for each pixel
 _STRIPES = f"""
   vec2 dsWide = HALF;
   vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});
@@ -49,8 +49,8 @@ vec3 dsDepth(vec4 stripes, vec2 kept) {
 float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
 """
 
-# a line of sight enters a slab, on which all fields are linear, and ends at a face or a wall. Walls have a separate
-# program, because software rendering runs both branches of every `if`
+# a line of sight enters a slab with linear fields, and ends at a face or a wall.
+# walls have a separate program, because software rendering runs both branches of every `if`
 _WALLS = """
   vec3 dsWall = vec3(0.0);
   vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
@@ -85,7 +85,7 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 class StripeSettings:
     """Numbers of a pattern, each for the major and the minor family.
     half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
-    reach      : widths of kept material around loads and supports, and along the boundary (m), or `NO_REACH`."""
+    reach      : widths of kept material around loads and supports, and along the boundary, m, or `NO_REACH`."""
 
     frequency: tuple[float, float] = (1.0, 1.0)
     phase: tuple[float, float] = (0.0, 0.0)
@@ -100,9 +100,8 @@ ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.
 
 @dataclass(frozen=True)
 class ShaderProgram:
-    """Optional parts of the shader's program; unused parts would cost time.
-    vary : the names of `FIELDS` that differ between vertices; the modes always do.
-    walls, normals, tinted : whether walls are visible, normals are the output, and families have tints."""
+    """Optional parts of the shader's program. vary : names of the `FIELDS` that differ between vertices.
+    walls : True for visible walls.    normals : True for normals as output.    tinted : True if families have tints."""
 
     vary: tuple[str, ...] = ("modes",)
     walls: bool = False
@@ -142,9 +141,9 @@ class ShaderProgram:
 @dataclass(eq=False)
 class StripeShader:
     """Shader of a body; `fields` and `settings` may change between pictures.
-    fields : (n, 6) modes of both families, half-widths of both families (periods), distances to loads
-             and supports, and to the boundary (m).
-    tints  : colours of major, minor and remaining material in place of the colours of the faces."""
+    fields : (n, 6) modes of both families, half-widths of both families (periods), distance to loads and supports, and
+             distance to the boundary (m).
+    tints  : colours of major, minor and remaining material; None for the colours of the faces."""
 
     fields: Floats
     tints: tuple[Colour, Colour, Colour] | None = None
@@ -196,7 +195,7 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
-        """Show the walls of a sheet to an eye (3,) in scene units; None hides the walls. half : half of its thickness.
+        """Show the walls of a sheet to an eye (3,) in scene units; None hides the walls. half : half of the thickness.
         Walls are approximate: each triangle has the walls of a plane slab, and the boundary has no wall."""
         walls = eye is not None and half > 0
         self._change_program(walls=walls)

@@ -1,7 +1,7 @@
 """Program that draws pictures of a design; it starts before the first request.
 
 Each request on standard input is a number n in 8 bytes, then n bytes of pickle. A closed input ends the program.
-The pickle holds
+The pickle contains
     a sketch (see `Design.sketch`), the PNG file, its width and height, and options of `Previewer`; or
     a `StructurePicture`, and the PNG file.
 The program prints its kind of window when it is ready to draw, and a line after each picture."""

@@ -1,7 +1,7 @@
 """The mesh on which a pattern is drawn, values at its vertices, and the settings of its shader.
 
-Stripes on modes are drawn on the surface. Evenly spaced stripes are drawn on their chart (see `dsfab.slicing.Chart`),
-because their phases are consistent only there. The shader treats them as two modes at frequency 1 and phase 0."""
+Stripes on modes are drawn on the surface. Evenly spaced stripes are drawn on their chart (`dsfab.slicing.Chart`),
+because their phases are consistent only on the chart. For the shader, they are two modes at frequency 1 and phase 0."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,9 +20,9 @@ from dsfab.render.shader import BY_VERTEX, INFINITE_DISTANCE, NO_REACH, StripeSe
 from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
-EXACT_REACH_SHARE = 1 / 8  # distances up to this share of the surface's size are exact in all presets
-REGION_FACTOR = 1e33  # factor on distances to regions that the user drew; every reach then ends at outlines
-REGION_REACH = -1e6  # reach if only regions of the user are kept; the shader ignores distances at `NO_REACH`
+EXACT_REACH_SHARE = 1 / 8  # largest exact distance / size of the surface, in all presets
+REGION_FACTOR = 1e33  # factor on distances to drawn regions, so that every reach ends at outlines
+REGION_REACH = -1e6  # reach if only drawn regions are kept; larger than `NO_REACH`
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +106,8 @@ class StripedMesh:
 
 @derived
 def distances(design: Design) -> tuple[Floats, Floats]:
-    """Return distances (n,) to loads and supports, and distances (n,) to the boundary (m), exact up to every reach.
-    If the user drew regions, the first array holds distances to regions and kept material, times `REGION_FACTOR`."""
+    """Return distances (n,) to loads and supports, and distances (n,) to the boundary, m; exact up to every reach.
+    If the user drew regions, the first array has distances to regions and kept material, times `REGION_FACTOR`."""
     surface, load, pattern = design.surface, design.load, design.preset.pattern
     reach = max(EXACT_REACH_SHARE * surface.size, pattern.keep, pattern.rim)
     to_held = distance_to_vertices(surface, load.supported | load.loaded, reach)

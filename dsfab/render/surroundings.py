@@ -14,26 +14,26 @@ from dsfab.surface import LoadCase, Surface, link_components
 
 PartKind = Literal["column", "wall", "hanger", "abutment"]
 
-HEADROOM = 2.2  # the ground is at height 0 if the structure begins higher than this (m)
+HEADROOM = 2.2  # smallest height (m) of a structure above a ground at height 0
 PLINTH = 0.012  # height of the lowest columns and walls, divided by the structure's size
-COLUMN_EXTENT = 0.08  # a support of smaller extent in plan becomes a column; extent divided by the structure's size
+COLUMN_EXTENT = 0.08  # extent of a support in plan / size of the structure below which it becomes a column
 LOW_SHARE = 0.25  # a support below this share of the structure's height is never an abutment
-STEEP = 0.2  # a structure hangs from a support if it rises towards the support by at least this slope
-UPRIGHT = 3.0  # a support is an upright edge if its height exceeds this number times its extent in plan
-SOIL_SHARE = 0.5  # a slab lies on soil if a larger share of its area is supported
-CORNERS, MOST_PARTS = 20, 40  # number of corners of a round column, and largest number of columns or rods of a support
+STEEP = 0.2  # smallest slope towards a support from which a structure hangs
+UPRIGHT = 3.0  # smallest height of an upright edge / extent of the edge in plan
+SOIL_SHARE = 0.5  # supported share of the area above which a slab lies on soil
+CORNERS, MOST_PARTS = 20, 40  # corners of a round column; largest number of columns or rods of a support
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # divided by the structure's size
-HANGERS, COLUMNS = 0.05, 0.12  # spacing of rods, and of columns below an edge, divided by the structure's size
-TALL = 4.5  # height (m) from which a long edge rests on a beam and columns, because a wall would hide the inside
+HANGERS, COLUMNS = 0.05, 0.12  # spacing of rods, and of columns below an edge, / size of the structure
+TALL = 4.5  # height (m) above which a long edge has a beam and columns instead of a wall
 WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths, divided by the structure's size
 
 
 @dataclass(frozen=True, eq=False)
 class SupportPart:
     """Connected support with its vertices (k,), drawn as a part of a building.
-    edges    : (e, 2) of the support on the boundary; all edges of the support if none is on the boundary.
+    edges    : (e, 2) edges of the support on the boundary; all its edges if none is on the boundary.
     along    : (3,) unit vector from the structure into the part.
-    outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part that ends below the structure."""
+    outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part below the structure."""
 
     kind: PartKind
     vertices: Ints
@@ -44,8 +44,8 @@ class SupportPart:
 
 def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[SupportPart]:
     """Return a part of a building for each connected support. up : (3,) unit vector. A slab on soil has no parts.
-    Inner supports become hangers if the structure slopes down from them. Supports on one side of the structure become
-    abutments. All other supports reach the ground: small supports as columns, long edges as walls."""
+    Inner supports become hangers if the structure slopes down from them. Supports on one side become abutments.
+    All other supports reach the ground: small supports as columns, long edges as walls."""
     supported = _upward_supports(load, up)
     if not supported.any() or surface.areas @ supported[surface.F].all(axis=1) > SOIL_SHARE * surface.area:
         return []
@@ -100,8 +100,8 @@ def _extent(points: Floats, axis: Floats) -> float:
 
 
 def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, half: float) -> float:
-    """Return the height of the ground (m): 0 with headroom below the structure, else a plinth below its lowest point.
-    A structure on hangers alone has headroom. half : half of the structure's thickness (m)."""
+    """Return the height of the ground, m: 0 with headroom below the structure, else a plinth below its lowest point.
+    A structure on hangers alone has headroom. half : half of the structure's thickness, m."""
     lowest, size = float((surface.V @ up).min()) - half, surface.size
     if HEADROOM < lowest < size:
         return 0.0

@@ -8,13 +8,13 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError
 from dsfab.surface import LoadCase, Surface
 
-VIEW_DEGREES = 24.0  # vertical view angle (degrees): small, so that near and far members look almost equally large
+VIEW_DEGREES = 24.0  # degrees; vertical view angle, small for a weak perspective
 
 
 @dataclass(frozen=True, eq=False)
 class View:
     """Camera at `eye` that looks along `forward`; `right` and `up` span the picture. slope : tan(half the view angle).
-    floor : unit normal of the floor.    front : whether a plate is seen from the front, with a board as its floor."""
+    floor : unit normal of the floor.    front : True for a plate seen from the front, with a board as its floor."""
 
     eye: Floats
     right: Floats
@@ -90,7 +90,7 @@ NAMED_ANGLES = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
 
 def named_side(V: Floats, up: Floats, name: str) -> ViewSide:
     """Return the view of vertices V (n, 3) with a name: iso, top, front, side, or 'azimuth,elevation' in degrees.
-    iso is `best_side`. Azimuth turns from the front to the right, elevation starts at the ground.
+    iso is `best_side`. Azimuth turns from the front to the right. Elevation is measured from the ground.
     Raises DsfabError for any other name."""
     if name == "iso":
         return best_side(V, up)
@@ -173,7 +173,7 @@ def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
     return ViewSide(up, -front, up, False), ViewSide(front, up, up, False)
 
 
-FAR = 400.0  # distance of the eye in a parallel view, divided by the size of the points
+FAR = 400.0  # distance of the eye in a parallel view / size of the points
 
 
 def plane_extents(points: Floats, side: ViewSide) -> Floats:

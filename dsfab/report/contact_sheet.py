@@ -25,8 +25,8 @@ PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
 @dataclass(frozen=True, eq=False)
 class ContactTile:
-    """A variant on a contact sheet: number from 1, parameters as (short name, text), command, and picture or error.
-    png : the picture as a PNG file, which needs a tenth of the memory of an image."""
+    """A variant on a contact sheet. number : from 1.    parameters : (short name, text) of each.
+    command : command line of the variant.    png : picture as a PNG file; None after an error."""
 
     number: int
     parameters: tuple[tuple[str, str], ...]

@@ -52,9 +52,9 @@ def require_view(name: str) -> None:
 
 @dataclass(frozen=True)
 class SheetDrawer:
-    """Draws the cut sheet of a design as PNG. size : pixels. view : as in `dsfab preview`. A drawer can be pickled.
-    The uncut surface fills the picture, so that the same place of a surface is at the same pixel in all pictures.
-    Raises DsfabError for an unknown view, and if this machine cannot draw."""
+    """Drawer of the cut sheet of a design as PNG; it can be pickled. size : pixels.    view : as in `dsfab preview`.
+    The uncut surface fills the picture. So a place of the surface is at the same pixel in all pictures.
+    Raises DsfabError for an unknown view, or if this machine cannot draw."""
 
     size: tuple[int, int]
     view: str

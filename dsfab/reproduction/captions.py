@@ -11,14 +11,14 @@ from dsfab.design import Design
 from dsfab.reproduction.renditions import Rendition
 from dsfab.surface import Surface, edge_table
 
-RINGS, SPOKES = 2, 4  # Least number of rings in a web, and least number of spokes across each ring.
+RINGS, SPOKES = 2, 4  # Least number of rings in a web, and of spokes across each ring.
 
 
 @dataclass(frozen=True)
 class Web:
     """Rings of one family around a load, the innermost ring first.
     family  : family of the rings; '' without rings.
-    crossed : for each ring, the number of lines of the second family that cross it."""
+    crossed : for each ring, the number of lines of the second family that cross the ring."""
 
     family: str = ""
     crossed: tuple[int, ...] = ()
@@ -49,8 +49,8 @@ class Web:
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
     """Return the better of two webs: with rings of the major family, or with rings of the minor family.
-    phases : (n, 2) phases of the major and minor family; the phase at the middle of a member is a whole number.
-    load, supported : (n,) vertices under the load, and vertices at supports."""
+    phases : (n, 2) phases of the major and minor family. The phase at the middle of a member is a whole number.
+    load, supported : (n,) True for vertices under the load, and for vertices at supports."""
     webs = []
     for k, name in enumerate(("major", "minor")):
         levels = _levels(phases[:, k])
@@ -151,7 +151,7 @@ def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
     return reached
 
 
-ANGLE, EVENNESS = 60.0, 3.0  # Least crossing angle of a grid, degrees, and largest ratio P95 / P5 of its spacing.
+ANGLE, EVENNESS = 60.0, 3.0  # Least crossing angle of a grid, degrees; largest P95 / P5 of its spacing.
 
 
 def finding(claim: str, rendition: Rendition) -> str:

@@ -108,7 +108,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
 }
 """Settings of three pictures on the same modes."""
 
-PAPER = 37  # Frames a second that the paper reports for its editor, on a laptop of 2015.
+PAPER = 37  # Frames a second of the paper's editor, on a laptop of 2015.
 
 
 def editing_comparison(design: Design, folder: Path) -> PaperComparison:

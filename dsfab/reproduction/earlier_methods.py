@@ -57,18 +57,18 @@ def strongest_directions(D: Floats) -> Floats:
 
 def weakest_directions(D: Floats) -> Floats:
     """Return unit directions (m, 3) of the least diffusion in the plane of each face, for tensors D (m, 3, 3).
-    Stripes run across these directions. Their eigenvalue is the middle one of 0, 1 and r."""
+    These eigenvectors belong to the middle one of the eigenvalues 0, 1 and r. Stripes run across them."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 1])
 
 
 def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Floats:
-    """Return the field u (n,) in metres whose gradient fits given directions on clear faces by least squares.
+    """Return the field u (n,), m, whose gradient fits given directions on clear faces by least squares.
     direction : (m, 3) unit vectors, whose sign does not count.
-    clear     : (m,) faces that have a direction; on the other faces the field is as flat as possible."""
+    clear     : (m,) True for faces that have a direction. On all other faces, the field is as flat as possible."""
     target = consistent_directions(surface, direction) * clear[:, None]
     pull = np.einsum("mik,mk->mi", hat_gradients(surface), target) * surface.areas[:, None]
     K = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
-    # a weak spring fixes the constant that the equations leave free on each piece
+    # a weak spring fixes the free constant on each piece
     K = csr_array(K + 1e-9 * K.diagonal().mean() * eye_array(surface.n))
     b: Floats = np.bincount(surface.F.ravel(), pull.ravel(), minlength=surface.n).astype(np.float64)
     return np.asarray(factorise(K, surface.V)(b))
@@ -96,15 +96,15 @@ def typical_slope(surface: Surface, value: Floats) -> float:
     return quantile(slope, surface.areas, 0.5)
 
 
-NEAR = 0.5  # A line ends at this distance from a traced line, divided by the intended distance of lines.
+NEAR = 0.5  # Distance from a traced line at which a line ends / intended distance of lines.
 End = Literal["boundary", "inside", "round"]
 
 
 @dataclass(frozen=True, eq=False)
 class StressLine:
-    """A line along the stress. points : (k, 3) metres, in order; a closed line repeats its first point at the end.
-    faces : (k - 1,) face of each segment.
-    loose : number of ends inside the surface."""
+    """A line along the stress.
+    points : (k, 3) in order, m. A closed line repeats its first point at the end.
+    faces  : (k - 1,) face of each segment.    loose : number of ends inside the surface."""
 
     points: Floats
     faces: tuple[int, ...]
@@ -130,7 +130,7 @@ def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
     """Return lines along unit directions (m, 3), whose sign does not count. clear : (m,) faces that have a direction.
-    Lines are about `apart` metres apart, and longer than `apart`."""
+    The distance between lines is about `apart`, m. Each line is longer than `apart`."""
     walk = _Walk(surface, direction, clear, apart)
     centres = surface.centroids
     distance = np.where(clear, np.inf, 0.0)

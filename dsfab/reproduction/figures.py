@@ -28,7 +28,7 @@ RENDITION_TITLES = {"letter": "The paper to the letter", "preset": "The preset",
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
     """A rendition of a figure, its picture, and the result of the test of the paper's claim, or ''.
-    edge : edge length of its mesh, metres; 0 if the rendition failed."""
+    edge : edge length of the rendition's mesh, m; 0 if the rendition failed."""
 
     rendition: Rendition
     picture: PaperPicture
@@ -38,9 +38,9 @@ class RenditionPicture:
 
 @dataclass(frozen=True, eq=False)
 class FigurePictures:
-    """A figure, made again. After a failure `error` is the reason, and all other fields are empty.
-    seconds : see `processor_seconds`.      carried : sentence on how the loads reach the supports.
-    coarser : factor on the edge length of the preset's mesh."""
+    """A figure, made again. After a failure, `error` is the reason, and all other fields are empty.
+    seconds : as from `processor_seconds`.  carried : sentence on how the loads reach the supports.
+    coarser : edge length of the mesh / edge length in the preset."""
 
     figure: PaperFigure
     vertices: int = 0
@@ -62,7 +62,7 @@ class FigurePictures:
 
 def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
     """Make a figure and write its pictures into `folder`; an error becomes part of the result.
-    coarser : factor on the edge length; the factor falls until the mesh has all details of the shape."""
+    coarser : wanted edge length / edge length in the preset. It falls until the mesh has all details of the shape."""
     try:
         design, coarser = coarsened_draft(load_preset(figure.preset), coarser)
         results = renditions(design)
@@ -88,7 +88,7 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
     """Return a design up to its pattern, with edges `coarser` times as long, and the factor.
-    The factor falls until the mesh has vertices for shape and loads. Raises DsfabError if factor 1 fails, too."""
+    The factor falls until the mesh has vertices for shape and loads. Raises DsfabError if factor 1 also fails."""
     edge = preset.surface.model_dump()["edge"]
     while True:
         try:

@@ -1,7 +1,7 @@
 """Published results of the paper: the preset of each figure, and its rows in the paper's tables.
 
-A. Madan, A. Jacobson, D. I. W. Levin, Diffusion Structures for Architectural Stripe Pattern Generation. Table 1 holds
-the parameters, Table 2 sizes and seconds on a laptop of 2015 (dual-core i5). The captions are our own words."""
+Source: A. Madan, A. Jacobson, D. I. W. Levin, Diffusion Structures for Architectural Stripe Pattern Generation.
+Table 1 has the parameters, Table 2 sizes and seconds on a laptop of 2015 (dual-core i5). The captions are ours."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -41,9 +41,9 @@ class PaperFigure:
     label    : number and letter in the paper.
     preset   : preset of the figure.
     caption  : content of the figure.
-    row      : its row of Table 1; None for the camel without load, which Table 1 omits.
-    timings  : its row of Table 2; figures with the same mesh share a row.
-    stand_in : reason why dsfab's surface is not the paper's; '' for a surface by a formula.
+    row      : row of the figure in Table 1; None for the camel without load, which Table 1 omits.
+    timings  : row of the figure in Table 2; figures with the same mesh share a row.
+    stand_in : reason why dsfab's surface differs from the paper's surface; '' for a surface by a formula.
     claim    : claim of the caption that dsfab tests: web, beam, beams (between loads) or grid; or ''."""
 
     label: str

@@ -40,16 +40,16 @@ SHARES = (0.3, 0.5)  # least and largest share of material for the rendition wit
 
 @dataclass(frozen=True, eq=False)
 class Rendition:
-    """A rendition of a figure with its measures. After a failure `refused` is the reason, and the measures are nan.
+    """A rendition of a figure with its measures. After a failure, `refused` is the reason, and the measures are nan.
 
     name         : letter, preset or stripes.           departures : differences from the paper, in words.
-    settings     : changes of the preset by key; `dsfab build` makes the rendition with these changes.
+    settings     : changes of the preset by key. `dsfab build` makes the rendition with these changes.
     share        : share of the surface that is kept, with loose pieces.     pieces : number of pieces.
     loose        : number of pieces without a support.
     carried      : share of the loads on pieces with a support; nan without loads.
-    over_uncut   : compliance divided by that of the uncut sheet, each by one solve, with an error of up to 15 %;
-                   infinite if the design does not carry its loads.
-    over_thinner : compliance divided by that of a thinner sheet of the same mass.
+    over_uncut   : compliance divided by the compliance of the uncut sheet, with an error of up to 15 %; infinite if
+                   the design does not carry its loads.
+    over_thinner : compliance divided by the compliance of a thinner sheet of the same mass.
     deviation    : angle between members and principal directions, degrees, of the worse family.
     evenness     : ratio P95 / P5 of the spacing, of the worse family.
     crossing     : smallest angle between crossing members, degrees.
@@ -78,13 +78,13 @@ class Rendition:
 
 
 def renditions(design: Design) -> tuple[Rendition, ...]:
-    """Return the paper to the letter, the unchanged preset, and evenly spaced stripes of equal material (`SHARES`).
+    """Return three renditions: the paper to the letter, the unchanged preset, and evenly spaced stripes.
     design : design of a preset of the paper, made up to its pattern."""
     uncut: dict[str, float] = {}
     letter = measured_rendition("letter", design, LETTER, uncut)
     shipped = measured_rendition("preset", design, {}, uncut)
     share = float(np.clip(np.nan_to_num(shipped.share, nan=0.5), *SHARES))
-    # frequency 0 spaces stripes by a twelfth of the surface's side, because presets on modes have no spacing
+    # frequency 0 means a spacing of a twelfth of the surface's side
     stripes = {
         "pattern.method": "stripes",
         "pattern.width": {"rule": "graded", "solid_fraction": round(share, 3)},
@@ -109,8 +109,8 @@ def departures(preset: Preset) -> tuple[str, ...]:
 def measured_rendition(
     name: str, base_design: Design, settings: Mapping[str, Any], uncut_compliance: dict[str, float] | None = None
 ) -> Rendition:
-    """Return a rendition with its measures; unchanged stages of `base_design` are used again.
-    uncut_compliance : compliance of the uncut sheet by material law, filled by this function for further calls."""
+    """Return a rendition with its measures. Unchanged stages of `base_design` are used again.
+    uncut_compliance : compliance of the uncut sheet by material law; this function adds values for further calls."""
     try:
         preset = with_overrides(base_design.preset, dict(settings)) if settings else base_design.preset
         design = draft(preset, earlier=base_design)
@@ -144,8 +144,8 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return the compliance divided by an uncut sheet's, and by a thinner sheet's, and the reason of a failure or ''.
-    The values are nan without loads, and infinite if the design does not carry its loads."""
+    """Return compliance / compliance of an uncut sheet, compliance / compliance of a thinner sheet, and a reason or ''.
+    Both ratios are nan without loads, and infinite if the design does not carry its loads for this reason."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

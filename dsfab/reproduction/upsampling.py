@@ -59,7 +59,7 @@ def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
 
 def compare_cuts(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
     """Cut any stripes on any surface by both methods. Triangles where families cross stay crowded.
-    Division ends after `rounds` rounds, or earlier without crowded triangles or with over 200 000 triangles."""
+    Division ends after `rounds` rounds, if no triangle is crowded, or above 200 000 triangles."""
     exact = _cut(surface, [family.x for family in families], [family.stripes.levels(family.x) for family in families])
     cuts: list[UpsampledCut] = []
     for number in range(rounds + 1):

@@ -48,8 +48,8 @@ RIVALS = {
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
     """Write data and chart of the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
-    All structures are judged on finer and finer meshes; single solves find the best pair of isotropic modes.
-    coarser : factor on `EDGE`."""
+    All structures are judged on finer and finer meshes. Single solves find the best pair of isotropic modes.
+    coarser : edge length / `EDGE`."""
     from dsfab.study import compare_at, full_at_many_shares
 
     graded = sphere_draft(ON_MODES, coarser)
@@ -85,7 +85,7 @@ def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
     """Return the row of `compare_at` for each rival, at this share of material.
-    design : compliance of the reference design (J); None if it does not carry its loads."""
+    design : compliance of the reference design, J; None if it does not carry its loads."""
     from dsfab.study import compare_at
 
     rows = []

@@ -10,7 +10,7 @@ from dsfab.members import Member, MemberGraph
 from dsfab.render import Palette
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers, placed_parts
 
-DRAWN_PIECES = 90  # A member as long as the structure is drawn in this number of pieces.
+DRAWN_PIECES = 90  # Number of drawn pieces of a member that is as long as the structure.
 PLATE_COLOUR = (150, 146, 140)  # Colour of the plates of nodes.
 LEAST_ELEVATION, AZIMUTH = 28.0, -58.0  # Direction of the usual view, degrees.
 
@@ -55,7 +55,7 @@ class MemberFaces:
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     """Return the faces of all bars and plates; for a plan without bars, the faces of all its members except fills.
-    A strip is drawn in the uppermost of its layers, a plank as two sides and an upper edge, a plate as one side."""
+    A strip is drawn in its uppermost layer, a plank as two sides and an upper edge, a plate as one side."""
     assert plan.graph is not None
     if plan.bars:
         return bar_faces(plan, palette)

@@ -89,7 +89,7 @@ def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
     )
 
 
-SHOWN = 1.7  # Drawn length of a bar on the page of a joint, divided by the length of the plate's arm.
+SHOWN = 1.7  # Drawn length of a bar on the page of a joint / length of the plate's arm.
 
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:

@@ -39,7 +39,7 @@ PANEL_STEPS = (
 )
 """Steps for a model of panels, after cutting: title and instruction."""
 
-TEXT_WIDTH = 150.0  # Width of the text, millimetres; a drawing of the base plate fills the rest of the page.
+TEXT_WIDTH = 150.0  # Width of the text, mm; the drawing of the base plate is beside it.
 FAMILY_WORDS = {"major": "A", "minor": "B", "rim": "rim", "keep": "what is kept around supports and loads (ring, band)"}
 
 

@@ -149,7 +149,7 @@ def table_pages(
     note: str,
 ) -> list[PartsPage]:
     """Return pages of a table whose first column is bold. size : rows on a page, and sets of columns side by side.
-    places : places of the columns (mm). Words at places below 50 are flush left, all other words flush right."""
+    places : places of the columns, mm. Words at places below 50 are flush left, all other words flush right."""
     down, columns = size
 
     def draw(paper: Paper, page_rows: Sequence[Sequence[str]]) -> None:
@@ -170,9 +170,9 @@ def table_pages(
     return [(f"{title} {part[0][0]} to {part[-1][0]}", partial(draw, page_rows=part)) for part in parts]
 
 
-ROW = 24.0  # Height of a member's row on a page of its family, millimetres of paper.
-NAMES = 44.0  # Width for the name of a member to the left of its line, millimetres of paper.
-APART = 2.1  # Least distance between the names of two nodes, millimetres; a nearer node has no name.
+ROW = 24.0  # Height of a member's row on a page of its family, mm.
+NAMES = 44.0  # Width of a member's name to the left of the member, mm.
+APART = 2.1  # Least distance between the names of two nodes, mm.
 SPLICED_NOTE = (
     "Above each line: the member that crosses. Below it: distance from the beginning along the middle surface, mm. "
     "Red: splices. For distances on a layer see its drawing."

@@ -21,8 +21,8 @@ from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolde
 
 def colour_scales(plan: WorkshopPlan, names: list[str], judged_design: Design | None) -> list[dict[str, Any]]:
     """Return the scales by which the page can colour members: name, unit, and a value or None for each of `names`.
-    judged_design : design for scales of utilisation and force, or None. Raises StaticsError for a design without a
-    strength, or if nothing carries the loads."""
+    judged_design : design for scales of utilisation and force, or None.
+    Raises StaticsError for a design without a strength, or if nothing carries the loads."""
     assert plan.graph is not None
     members = plan.graph.by_id
     longest: dict[str, float] = {}
@@ -75,7 +75,7 @@ def key_figures(design: Design, judged: bool) -> list[tuple[str, str]]:
 
 def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
     """Return the page as one HTML file that loads nothing from the network; the same plan gives the same page.
-    judged : whether the page is for clients: with scales of utilisation and force, without workshop drawings.
+    judged : True for a page for clients, with scales of utilisation and force, and without workshop drawings.
     The plan must have members."""
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph

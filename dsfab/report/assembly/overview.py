@@ -51,8 +51,8 @@ def draw_structure(
     colours: dict[str, tuple[float, float, float]],
     extent: Floats | None = None,
 ) -> DrawingTransform:
-    """Draw members into a box of the page. colours : other colours of some members, by name.
-    extent : (k, 2) points that the box must show, metres; None shows all members."""
+    """Draw members into a box of the page. colours : special colours of some members, by name.
+    extent : (k, 2) points that the box must show, m; None shows all members."""
     faces_in_order = painted_faces(faces, view, colours)
     extent = faces_in_order.corners.reshape(-1, 2) if extent is None else extent
     fitted = DrawingTransform.fit_to_box(extent.min(axis=0), extent.max(axis=0), box)
@@ -212,7 +212,7 @@ def _ordered_steps(
     z = surface.V @ up
     heights = {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}
     span = max(max(heights.values()) - min(heights.values()), 1e-9)
-    level = 0.02  # members are sorted by name if their heights differ less, divided by the structure's height
+    level = 0.02  # height difference / height of the structure below which members are sorted by name
     entries = [
         (number, round(heights[member.id] / span / level), k, member.id)
         for k, member in enumerate(graph.members)

@@ -57,7 +57,7 @@ NAMES = {
 
 def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
     """Write the chart of compliance against mass as `path` with the suffixes .svg and .png.
-    rows  : results for several shares of material; a competitor without equilibrium leaves a gap in its line.
+    rows  : results for several shares of material. A competitor without equilibrium leaves a gap in its line.
     names : label of each competitor."""
     import matplotlib as mpl
 
@@ -145,7 +145,7 @@ def lettering(**settings_of_chart: Any) -> Iterator[None]:
 
     import matplotlib as mpl
 
-    # matplotlib warns of a missing font, but the next font of the list replaces it
+    # no warning of a missing font, because the next font of the list replaces it
     logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
     settings: dict[Any, Any] = {**FONT, **settings_of_chart}
     with mpl.rc_context(settings):
@@ -241,7 +241,7 @@ class FindingsPictures:
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
         """Draw the deformed sheet, coloured by displacement; `{factor}` in the caption becomes the magnification."""
         sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
-        # the magnified largest displacement is 7 % of the surface's size, or a little less
+        # the largest displacement is magnified to 7 % of the surface's size, or less
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
         moved = np.linalg.norm(u, axis=1)[sheet.F].mean(axis=1)
         words = caption.format(factor=significant_digits(factor, 2))
@@ -287,8 +287,8 @@ class FindingsPictures:
 
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
-    """Return the factor by which letters of a preview grow to be `points` high on paper.
-    size : of the picture, pixels.    width : of the picture, divided by the width of the report's text."""
+    """Return the enlargement of a preview's letters that makes them `points` high on paper.
+    size : size of the picture, pixels.    width : width of the picture / width of the report's text."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))
 

@@ -13,8 +13,8 @@ USUAL_SPAN_SHARE = 300  # a movement > 1/300 of the span is reported [EN 1990, a
 SHOWN_SUPPORTS = 6  # number of supports in a short table of reactions
 LEVEL = 1e-3  # a horizontal force below this share of the reaction is a rounding error
 OPPOSED = 0.1
-"""Horizontal forces at a support, as along a ring, count as opposite if their resultant is below this share of their
-sum. At a single foot the share is 0.4, because its vertices also hold the foot together."""
+"""Largest resultant / sum of horizontal forces at a support that count as opposite, for example along a ring.
+This ratio is 0.4 at a single foot, because its vertices also hold the foot together."""
 
 
 def verdict_line(name: str, carrying: "Carrying") -> str:
@@ -28,7 +28,7 @@ def verdict_line(name: str, carrying: "Carrying") -> str:
 
 def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
     """Return advice for a design that does not carry its loads; '' if the design carries its loads.
-    is_sized : whether sizing has tried every thickness of the stock, and more material."""
+    is_sized : True if sizing has tried every thickness of the stock, and more material."""
     if not carrying.faults:
         return ""
     if is_sized:

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 def answer_facts(design: Design, case: "CaseResult | StaticsResult") -> dict[str, Any]:
     """Return stress, energy and requested results of the uncut sheet under one load, in SI units.
-    `answered_by` names the elements; elements that are fit for directions only give no stress and no energy.
-    Frequencies and buckling factors are present on request; a list is empty if the results are missing."""
+    `answered_by` names the elements. Elements that are only good for directions give no stress and no energy.
+    Requested frequencies and buckling factors are lists, which are empty if the results are missing."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress, facts = answers.stress, dict[str, Any](answered_by=str(answers.elements))
     if answers.elements.is_reported:

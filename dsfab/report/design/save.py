@@ -70,13 +70,12 @@ def save(
     announce: Announcements = SILENT,
 ) -> SavedDesign:
     """Write the files of a design into `folder`. Verdict, pictures and quick formats appear together, or not at all.
-    STEP and BREP follow, because OCCT checks them for up to a minute; without them the folder is usable.
+    STEP and BREP follow later, because OCCT checks them for up to a minute.
 
-    picture : also write preview.png for clients, and analysis.png with the loads and the utilisation.
-    marked  : also write fabrication.png, which marks the smallest member, gap and wall.
+    picture : True to write preview.png for clients, and analysis.png with the loads and the utilisation.
+    marked  : True to write fabrication.png, which marks the smallest member, gap and wall.
     Raises ExportError for a folder that cannot be written. `SavedDesign.refused` reports a STEP file that is too large.
-    Raises PatternError for a design that nobody should build, unless its preset accepts the faults: see `require_fit`.
-    """
+    Raises PatternError for a design with serious faults, unless its preset accepts the faults: see `require_fit`."""
     start, suffixes = time.perf_counter(), design.preset.export.formats
     quick, slow = ([x for x in suffixes if (x in MAY_BE_REFUSED) == late] for late in (False, True))
     folder = Path(folder)

@@ -59,7 +59,7 @@ RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"  # colours of positive va
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
     """Draw two rows of diagrams for each pair of member and case: N, Vy, Vz, and below them Mt, My, Mz.
-    Grey lines show the least and the greatest value of all cases; strokes at the bottom mark nodes."""
+    Grey lines show the least and the greatest value of all cases. Strokes at the bottom mark nodes."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -277,7 +277,7 @@ STRUCTURE_FILE = "structure.html"  # Name of the interactive page for clients.
 
 def member_report(design: Design, command: str) -> Document:
     """Return the report on the utilisation of members. command : command line that repeats the report.
-    Raises StaticsError for a material with neither a code nor a strength, and if nothing carries the loads."""
+    Raises StaticsError for a material with neither a code nor a strength, or if nothing carries the loads."""
     utilisation, number, library_versions = design.member_utilisation, CaptionNumbers(), versions()
     facts = [
         ("Design", design.preset.name),
