@@ -10,7 +10,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
-EXTRAPOLATION_DIVISOR = 2.0  # d in the value c1 + (c1 - c0) / d from the compliances c0, c1 of two meshes
+EXTRAPOLATION_DIVISOR = 2.0  # d in the extrapolation c1 + (c1 - c0) / d from two meshes
 LEAST_BOUND = 0.003  # smallest bound: the calibration table itself has errors of 0.1 to 0.2 %
 QUICK_ERRORS = (0.02, 0.05)  # median and 90 % quantile of the relative error of one solve (quick)
 LEAST_EDGES_PER_MEMBER = 4.0  # narrower members, in edges of the uncut mesh, give a warning
@@ -26,16 +26,16 @@ class ComplianceEstimate:
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
     """Return the compliance and its bound, extrapolated from compliances `values` on finer and finer meshes. Each mesh
-    has four times the triangles of the previous one; the elements are quadratic + hhj.
+    has four times the triangles of the previous mesh; the elements are quadratic + hhj.
     spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. Each refinement
-               about halves it; measuring it on finer meshes would take too long.
+               about halves it.
     recovery : recovery error of the finest mesh, see `Level.zz_membrane`.
-
-    With three meshes, the value is the mean of two extrapolations: with `EXTRAPOLATION_DIVISOR`, and with the ratio of
-    the two differences between meshes. On the ten designs with a fourth mesh, neither of them alone is better."""
+    With three meshes, the value is the mean of two extrapolations: by `EXTRAPOLATION_DIVISOR` and by
+    `limit_at_own_rate`.
+    """
     of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest that suffice for calibration.csv
     if len(values) < 2:
-        # in 19 of 20 designs the error is below 1.7 times the recovery error
+        # for 19 of 20 designs, the factor 1.7 suffices
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
     step = values[-1] - values[-2]
     usual_limit, own_limit = values[-1] + step / EXTRAPOLATION_DIVISOR, limit_at_own_rate(values)
@@ -55,16 +55,17 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
 
 WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for which two meshes suffice
 STEP_RATIOS = (1.5, 4.0)
-"""Smallest and largest ratio of successive differences between meshes, for an extrapolation. With each mesh, the error
-of an eigenvalue falls to 1 / 2.1 at reentrant corners, and to 1 / 16 on smooth sheets. Below the smallest ratio, the
-differences count as not decreasing."""
+"""Smallest and largest ratio of successive differences between meshes, for an extrapolation. Below the smallest ratio,
+the differences do not decrease clearly.
+"""
 
 
 @dataclass(frozen=True)
 class ModeEstimate:
     """Lowest buckling factor, or lowest frequency (Hz).
     bound : largest error, divided by the value; inf for one mesh.
-    ratio : difference between the first two meshes, divided by that between the last two; None without three meshes."""
+    ratio : first difference between successive meshes divided by the second one; None without three meshes.
+    """
 
     value: float
     bound: float
