@@ -327,7 +327,7 @@ def test_a_thickness_may_be_left_to_sizing(tmp_path):
     assert 'thickness = "auto"' in preset_toml(preset)
     assert load_preset(tmp_path / "auto.toml") == preset
     assert with_overrides(preset, {"statics.thickness": 0.05}).statics.is_sized
-    with pytest.raises(PresetError, match=r"preset dome: statics\.thickness = 'auto' has no number yet; give metres"):
+    with pytest.raises(PresetError, match=r"preset dome: statics\.thickness = 'auto' is not a number yet; give metres"):
         run(preset)
 
 

@@ -196,9 +196,7 @@ class Store:
         except sqlite3.Error as error:
             raise _refusal(path, error) from error
         if self.meta("format") != str(FORMAT):
-            raise DsfabError(
-                f"{path} was written by another version of dsfab; open it with that version, or use another folder"
-            )
+            raise DsfabError(f"{path} was written by another version of dsfab; use that version, or another folder")
 
     def __enter__(self) -> Self:
         return self

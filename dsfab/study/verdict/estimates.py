@@ -78,15 +78,16 @@ class ModeEstimate:
 
 
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
-    """Return value and bound from the lowest eigenvalue on one to three meshes, each with four times the triangles of
+    """Return value and bound from the lowest eigenvalue on one to three meshes. Each mesh has four times the triangles
+    of
     the previous mesh. A step is the difference of the values on two successive meshes.
 
-    With two meshes, half of the step is added to the last value. The bound is the whole step, which is enough for step
-    ratios from 1.7. With three meshes, the value is extrapolated by the ratio of the steps, limited to `STEP_RATIOS`;
-    the bound is the extrapolated part. If the steps have opposite signs, the value is that of the finest mesh, and the
-    bound is twice the last step. If the steps do not decrease, the bound is twice the larger step. Only mesh errors are
-    covered: the sheet is thin, perfect in shape, and linear until it buckles. The rule was not tested on random
-    designs."""
+    With two meshes, half of the step is added to the last value, and the bound is the whole step. With three meshes,
+    the
+    value is extrapolated by the ratio of the steps, and the bound is the extrapolated part. Two kinds of steps give the
+    value of the finest mesh. For steps with opposite signs, the bound is twice the last step. For steps that do not
+    decrease, the bound is twice the larger step. Only mesh errors are covered.
+    """
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -108,8 +109,9 @@ REENTRANT_ANGLE = np.radians(30)  # smallest excess of the angle at a reentrant 
 @dataclass(frozen=True)
 class Extreme:
     """Largest `value` of a quantity, its `place` (m), and the value that 99 % of the area does not exceed (`quantile`).
-    away : largest value farther than a rib's width from corners, because the stress at corners grows with each
-           refinement; None if no face is so far away, or for other quantities than stress."""
+    away : largest stress farther than a rib's width from corners, where the stress grows with each refinement. None for
+           other quantities, or if no face is so far away.
+    """
 
     value: float
     place: tuple[float, float, float]
@@ -123,8 +125,10 @@ class Extreme:
 
 
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
-    """Return extremes (Pa) of `stress` (von Mises), `tension` and `compression` (principal stresses). In each face, the
-    largest of both sides and the middle of the sheet counts, at least 0. supported : (n,) mask of vertices."""
+    """Return extremes (Pa) of `stress` (von Mises), `tension` and `compression` (principal stresses, at least 0).
+    supported : (n,) mask of supported vertices.
+    In each face, the largest value of both sides and the middle of the sheet counts.
+    """
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
         "stress": stress.largest,
@@ -154,7 +158,7 @@ def off_corners(surface: Surface, supported: Bools) -> Bools:
     if not len(corners):
         return np.ones(surface.m, dtype=bool)
     distances, _ = cKDTree(surface.V[corners]).query(surface.centroids)
-    # the limit of 5 % of the size is for sheets without openings, which have no ribs
+    # the limit of 5 % is for sheets without openings
     return np.asarray(distances > min(rib_width(surface), 0.05 * surface.size))
 
 
