@@ -33,7 +33,7 @@ SHARE_TOLERANCE = 2e-3  # Largest error of the solid fraction in trials.
 
 
 class CarryingSheet(NamedTuple):
-    """All cells of a cut, the supported part of its sheet, and the options to remove loose ends; see `Candidate`."""
+    """The cells of a cut, the supported part of its sheet, and the options to remove loose ends; see `Candidate`."""
 
     cells: Sheet
     sheet: Sheet

@@ -41,8 +41,8 @@ IMAGE_DIFFERENCE = 0.3
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     """Return the surface without voids, cut along the outlines of the preset's regions.
-    Raises SurfaceError for a region outside of the surface, for a support or load inside voids, and if voids separate a
-    piece of the surface from the supports.
+    Raises SurfaceError for a region outside of the surface, and for a support or load inside voids. Raises it, too, if
+    voids separate a piece of the surface from the supports.
     """
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)

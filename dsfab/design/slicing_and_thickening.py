@@ -259,8 +259,10 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
 def filled_plate(
     options: Pattern, surface: Surface, load: LoadCase, pattern: PatternResult, cells: tuple[Sheet, Sheet]
 ) -> FilledOpenings | None:
-    """Return the largest group of filled openings if it forms a plate; None if it lies around a small closed support.
-    cells : all cells before and after finishing."""
+    """Return the largest group of filled openings if it forms a plate. Return None if it lies around a small closed
+    support.
+    cells : all cells before finishing, and after it.
+    """
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
     filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)
@@ -357,17 +359,18 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
-    """Thicken the sheet: stage 6. It is thickened along the normals of the uncut surface, interpolated on the cells.
-    Raises SolidError if the surface bends too sharply for the thickness."""
+    """Thicken the sheet along the normals of the uncut surface: stage 6.
+    Raises SolidError if the surface bends too sharply for the thickness.
+    """
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
         offset = offsets(surface, preset.statics.thickness, options.side)
         if offset.smallest < options.thinnest:
             x, y, z = surface.V[offset.tightest]
             raise SolidError(
-                f"the surface bends so sharply at ({x:.4g}, {y:.4g}, {z:.4g}) m that the sheet would keep "
-                f"{offset.smallest:.0%} of its thickness (allowed: {options.thinnest:.0%}); reduce "
-                "statics.thickness, smooth the surface, or lower thickening.thinnest"
+                f"the surface bends so sharply at ({x:.4g}, {y:.4g}, {z:.4g}) m that only {offset.smallest:.0%} of "
+                f"the thickness would remain (allowed: {options.thinnest:.0%}); reduce statics.thickness, smooth the "
+                "surface, or lower thickening.thinnest"
             )
         D = slicing.sheet.carry_corners(offset.at_corners(surface.F), surface.F)
         cells = slicing.cells

@@ -43,8 +43,9 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
     force  : (n, 3) newtons on the vertices, with the part of `spread` that acts there.
     spread : loads per area and per length.
 
-    A middle node has the bubble function of its edge as its shape function, so it takes the force on the bubble. The
-    shape function of a corner contains minus half of this bubble, so each end of the edge loses half of the force.
+    The shape function of a middle node is the bubble function of its edge. So the node takes the force on the bubble.
+    The
+    shape function of a corner contains minus half of this bubble. So each end of the edge loses half of the force.
     """
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:

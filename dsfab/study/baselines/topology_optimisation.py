@@ -128,8 +128,7 @@ def densities(
     The method is that of top88 [Andreassen et al. 2011]. A density scales membrane and bending stiffness equally.
     area    : sum of density times face area, m2.
     solid   : (m,) mask of faces that stay material.     weights : weight of each load's compliance, default 1.
-    Raises StaticsError if the sheet is not supported, or if `area` is not between that of the solid faces and of
-    the surface.
+    Raises StaticsError without supports, for less area than the solid faces have, and for the whole surface.
     """
     options, surface = options or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid

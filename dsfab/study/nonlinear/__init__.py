@@ -12,7 +12,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""Smallest ratios of the displacement per load in a snap to that in the first step, and to that in the previous one."""
+"""Smallest displacement per load in a snap, divided by that in the first step, and by that in the previous step."""
 
 
 @dataclass(frozen=True, eq=False)
