@@ -61,8 +61,7 @@ class StageResults:
     results : results of the stages.
     derived : values computed from results, each with the last stage on which it depends. A pickled design has none.
     inputs  : large intermediate values, each with the stage that needs it. They are deleted after this stage.
-    A revision shares the results and derived values of the stages before its first changed section.
-    """
+    A revision shares the results and derived values of the stages before its first changed section."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)
@@ -122,8 +121,7 @@ def _computed_once(held: dict[str, tuple[str, Any]], stage: str, name: str, comp
 class Design:
     """A preset and the results of its stages, computed on first access.
     surface, statics, diffusion, pattern, slicing and solid raise the DsfabError of their stage. `dsfab.run` computes
-    all results. `dsfab.revise` returns a changed design.
-    """
+    all results. `dsfab.revise` returns a changed design."""
 
     preset: Preset
     _log: Log = field(default_factory=lambda: Log(None))
@@ -132,8 +130,7 @@ class Design:
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
         """Return a design. It shares the results of `earlier` from the stages before the first different section.
-        Raises PresetError if `preset` is not a preset, or if its thickness is 'auto'.
-        """
+        Raises PresetError if `preset` is not a preset, or if its thickness is 'auto'."""
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
         if not preset.statics.is_sized:
@@ -273,8 +270,7 @@ class Design:
         modes   : False to leave out the modes if stripes are evenly spaced.
         answers : True for accurate stress and energy, False for values by fast elements.
         Return None if no approximate widths give the requested share of material.
-        Raises the DsfabError of the stage that fails.
-        """
+        Raises the DsfabError of the stage that fails."""
         if answers:
             _ = self.statics
         source, options = self._rough_design() or self, self.preset.pattern
@@ -454,14 +450,12 @@ def run(preset: Preset, progress: Progress | None = None) -> Design:
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
     """Return the design of `preset`. It shares the results of `design` from the stages before the first section that
-    differs, for example the statics if [pattern] changes.
-    """
+    differs, for example the statics if [pattern] changes."""
     return Design.from_preset(preset, design, progress).until("thickening")
 
 
 def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
     """Run the stages up to the pattern, without a cut.
     earlier : design whose unchanged stages are reused.
-    Raises the DsfabError of the stage that fails.
-    """
+    Raises the DsfabError of the stage that fails."""
     return Design.from_preset(preset, earlier, progress).until("pattern")

@@ -103,8 +103,7 @@ class Steering:
     """Changes of stripe directions by the user.
     turn     : rotation from the stress, radians.    guidance : guides.
     symmetry : symmetry of the changed directions.   told     : a note, or ''.
-    loops    : small closed lines of supports.
-    """
+    loops    : small closed lines of supports."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -127,8 +126,7 @@ class Steering:
     def outcome(self, surface: Surface, along: Floats, directions: StressDirections, over: Bools) -> StripeSteering:
         """Return a record of the changes.
         along : (n, 3) final directions of the major stripes.
-        over  : (n,) mask of vertices where the two families exchange their names, see `family_crossings`.
-        """
+        over  : (n,) mask of vertices where the two families exchange their names, see `family_crossings`."""
         cosines = (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) for k in (0, 1))
         first_share, second_share = ((cosine**2).sum(axis=1) for cosine in cosines)
         crossed = over[surface.F].mean(axis=1) > 0.5
@@ -145,8 +143,7 @@ class Steering:
 def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
     """Return the changes of stripe directions in a [pattern] section.
     symmetry : symmetry of surface, supports and loads.    spacing : default reach of guides, metres.
-    Raises PatternError for an angle on a one-sided surface, and for a guide without effect.
-    """
+    Raises PatternError for an angle on a one-sided surface, and for a guide without effect."""
     oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
         raise PatternError(

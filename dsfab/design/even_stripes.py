@@ -50,8 +50,7 @@ class FamilyLines:
     wish  : (m,) wanted number of halvings on each face, 0 to `most`.
     free  : (m,) wanted number of halvings on each face, without limits.
     slope : (n,) lines per metre at each vertex, before halving.
-    grown : mean slope divided by the mean wanted slope.
-    """
+    grown : mean slope divided by the mean wanted slope."""
 
     phase: CornerPhase
     most: int
@@ -67,8 +66,7 @@ class StripeDirections:
     given      : directions of the principal stresses.    along : (n, 3) directions of major stripes at vertices.
     confidence : (m,) clearness of the direction on each face, 0 to 1.
     moved      : (n,) magnitude of each vertex's displacement under the followed loads, in any unit.
-    members    : guide curves that become members.
-    """
+    members    : guide curves that become members."""
 
     frames: Frames
     given: StressDirections
@@ -139,8 +137,7 @@ def _directions(
     """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of exchanged families.
     At exchanged vertices, major stripes follow the minor principal stress. So members run straight on where the
     direction
-    of the larger stress changes by 90 degrees.
-    """
+    of the larger stress changes by 90 degrees."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         guidance = steer.with_loops(frames, stress).guidance
@@ -183,8 +180,7 @@ def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Image
 class FamilyCourse:
     """Directions and density of one family, which give its lines for any spacing.
     g     : (n, 3) direction of the phase gradient at each vertex.    u : (n,) logarithm of the density.
-    start : (n,) weight of each vertex for the choice of the phase.    members : guide curves that become members.
-    """
+    start : (n,) weight of each vertex for the choice of the phase.    members : guide curves that become members."""
 
     follow: StripeDirections
     g: Floats
@@ -210,8 +206,7 @@ class FamilyCourse:
 
     def lines(self, spacing: float) -> FamilyLines:
         """Return the lines of the family, with a mean spacing of `spacing` metres.
-        Of two possible phases, the one with lines at vertices with large stress and large displacement is used.
-        """
+        Of two possible phases, the one with lines at vertices with large stress and large displacement is used."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
@@ -291,8 +286,7 @@ FINEST = 0.5  # Smallest spacing of stripes, divided by the mean edge length.
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
     """Return True if two [pattern] sections give the same centre lines. Only widths, kept regions and keys for stripes
     on
-    modes may differ. If the stripes follow their own weight (`rounds`), nothing may differ.
-    """
+    modes may differ. If the stripes follow their own weight (`rounds`), nothing may differ."""
     if current.rounds:
         return earlier == current
 
@@ -307,8 +301,7 @@ def same_stripes(earlier: Pattern, current: Pattern) -> bool:
 
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
     """Return the evenly spaced stripes of a preset's [pattern] section.
-    Raises PatternError if the stress is zero, or if a spacing does not suit the mesh.
-    """
+    Raises PatternError if the stress is zero, or if a spacing does not suit the mesh."""
     options = preset.pattern
     if options.forces == "optimal":
         statics = optimal_statics(preset, surface, statics)
@@ -333,8 +326,7 @@ def _redrawn_lines(
 ) -> "_DividedFamilies":
     """Return both families of lines. A family is computed again if its mean spacing differs by over 5 % from the
     requested
-    one (m). If the difference is still over 30 %, the family is computed without halving.
-    """
+    one (m). If the difference is still over 30 %, the family is computed without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -388,8 +380,7 @@ def _digits(length: float) -> str:
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
     """Both families after halving.
-    density : (n, 2) remaining lines per metre at each vertex, for each family; the mean of all symmetric images.
-    """
+    density : (n, 2) remaining lines per metre at each vertex, for each family; the mean of all symmetric images."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

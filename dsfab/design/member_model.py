@@ -82,8 +82,7 @@ PERMANENT = {"self_weight", "cladding"}  # Kinds of permanent loads.
 
 class ActionCase(NamedTuple):
     """Loads of one case that belong to one kind of action, on the uncut surface.
-    case : name of the case in the preset.    action : permanent, snow, wind or variable.
-    """
+    case : name of the case in the preset.    action : permanent, snow, wind or variable."""
 
     case: str
     action: str
@@ -93,8 +92,7 @@ class ActionCase(NamedTuple):
 def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
     """Return the load cases of a preset by name, each with a single kind of action.
     A case with several kinds is split, because frame programs multiply a case by the factor of its kind. A case whose
-    kind is named in `surface.actions` is not split.
-    """
+    kind is named in `surface.actions` is not split."""
     section, action_by_name = preset.surface, dict[str, ActionCase]()
     for case in (name for name, entry in statics.cases.items() if entry.factors is None):
         load, kinds = statics.cases[case].load, dict[str, list[Load]]()
@@ -133,8 +131,7 @@ def beam_model(
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
     """Return the beam model of a cut sheet with its members, under the loads of these cases.
-    If a case was split, combinations have all of its parts. Raises StaticsError if no member has an axis.
-    """
+    If a case was split, combinations have all of its parts. Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
     section = preset.statics
@@ -153,8 +150,7 @@ def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
     """Compare the beams with the cut sheet in each case. The ribs of this sheet have the torsional stiffness of bars.
-    Raises StaticsError if the supports do not hold the beams or the sheet.
-    """
+    Raises StaticsError if the supports do not hold the beams or the sheet."""
     from dsfab.members.frame import agreement, solve_frame
 
     answers, spread_faces = solve_frame(frame), _spread_faces(graph, sheet.m)
@@ -174,8 +170,7 @@ def _sheet_and_bar_answers(
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
     """Return the results for a sheet whose ribs have the torsional stiffness of a sheet, and of a sheet with that of
     bars.
-    The results are equal if the sheet is loaded in its plane, or if its ribs are too narrow for bars.
-    """
+    The results are equal if the sheet is loaded in its plane, or if its ribs are too narrow for bars."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:

@@ -31,8 +31,7 @@ from dsfab.surface import Surface
 EXCHANGEABLE_RULES = ("constant", "graded")  # The search may replace these width rules if there is a solid fraction.
 SPACINGS = (0.75, 1.25)
 """Factors on the default spacings. In flat sheets loaded in their plane, closer stripes are mostly stiffer if the mesh
-is fine enough.
-"""
+is fine enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +40,7 @@ class MethodCandidate:
     preset  : preset without `auto`.                   choice  : modes and phases that were `auto`, best first.
     even    : evenly spaced stripes; None for modes.   sheet   : sheet after the cut; None if the trial failed.
     grading : (n, f) relative half-width of f families at n vertices; None without the rule `stressed`.
-    notes   : notes for the design.                    drawn   : stripes of the built design, or None.
-    """
+    notes   : notes for the design.                    drawn   : stripes of the built design, or None."""
 
     preset: Preset
     attempt: Attempt
@@ -63,8 +61,7 @@ def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best even stripes and the best modes, each with the width rule `stressed`.
-    Yield nothing if the width rule must not change.
-    """
+    Yield nothing if the width rule must not change."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
@@ -87,8 +84,7 @@ def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes, now along the forces of the stiffest sheet of varying thickness.
-    Yield nothing if the width rule must not change, if the user sets directions, or if the pattern follows bending.
-    """
+    Yield nothing if the width rule must not change, if the user sets directions, or if the pattern follows bending."""
     options = preset.pattern
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not _exchangeable(options.width) or options.is_steered:
@@ -111,8 +107,7 @@ def respaced_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes with larger and smaller spacings, with and without halving.
-    Yield nothing if there is no solid fraction, or if the preset sets the spacings.
-    """
+    Yield nothing if there is no solid fraction, or if the preset sets the spacings."""
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not preset.pattern.width.solid_fraction:
         return
@@ -135,8 +130,7 @@ def respaced_candidates(
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
     """Return the families whose spacing the preset does not set, with `factor` times their spacing, and the spacings as
-    text. Spacings under two mesh edges are left out, because a member and an opening need one edge each.
-    """
+    text. Spacings under two mesh edges are left out, because a member and an opening need one edge each."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
         family: Family = getattr(preset.pattern, name)
@@ -171,8 +165,7 @@ def uncrowded_candidate(
     """Return a candidate. If filled openings would form a solid plate, try `uncrowded_changes` of [pattern] and return
     the
     best candidate.
-    draw : function that returns the stripes of a preset, without widths.
-    """
+    draw : function that returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
     cells = trial and (trial.cells, trial.latest.cells)
@@ -200,8 +193,7 @@ def uncrowded_candidate(
 
 def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[dict[str, object]]:
     """Yield up to four changes of [pattern] that may avoid a solid plate of filled openings: a larger `keep`, a larger
-    spacing, other families, and a rotation.
-    """
+    spacing, other families, and a rotation."""
     options, surface, load = design.preset.pattern, design.surface, design.statics.load
     spacings = {name: getattr(options, name).distance(surface.area, surface.mean_edge) for name in options.family_names}
     distance = np.linalg.norm(surface.V[load.supported | load.loaded] - plate.place, axis=1).min(initial=np.inf)
@@ -269,8 +261,7 @@ def _with_quality(
     sheet: Sheet,
 ) -> MethodCandidate:
     """Return a candidate with its sheet, and with the number of dead ends and slits of this sheet.
-    worth : compliance (J), its ratio to that of the uncut sheet, and the share of material.
-    """
+    worth : compliance (J), its ratio to that of the uncut sheet, and the share of material."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
     attempt = Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits)
@@ -284,8 +275,7 @@ def _exchangeable(width: Width) -> bool:
 def _width_variants(width: Width) -> dict[str, Width]:
     """Return width rules to try, by name. The third rule is `graded` with half of the power q, because members that
     carry
-    their weight need smaller differences of width.
-    """
+    their weight need smaller differences of width."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -295,14 +285,12 @@ def _width_variants(width: Width) -> dict[str, Width]:
 
 NEAR_BEST = 0.1
 """Candidates are built and solved again by accurate elements if their compliance exceeds the best by less than 10 %.
-Trials are too inexact to decide between such candidates.
-"""
+Trials are too inexact to decide between such candidates."""
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
     """Return the best candidate for the pattern method, and all attempts, best first (see `Attempt.rank`).
-    Accurate elements decide between nearly equal candidates. Raises PatternError if no candidate carries its loads.
-    """
+    Accurate elements decide between nearly equal candidates. Raises PatternError if no candidate carries its loads."""
     candidates: list[MethodCandidate] = []
     for method, halve in methods(preset):
         with log.row("method"):
@@ -328,8 +316,7 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
     """Return the candidates. If the best ones are nearly equal, up to four of them are built and solved again. The
     very best
-    is built last, so that slicing can continue from its trial cut.
-    """
+    is built last, so that slicing can continue from its trial cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]

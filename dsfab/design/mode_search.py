@@ -76,8 +76,7 @@ class Trial:
 
     def result(self, preset: Preset, grading: Floats | None = None) -> TrialResult:
         """Cut and solve the modes or stripes of a preset. Raises DsfabError if the sheet does not carry the loads.
-        grading : (n, f) relative half-widths of f families at n vertices, see `drawable_families`.
-        """
+        grading : (n, f) relative half-widths of f families at n vertices, see `drawable_families`."""
         options = preset.pattern
         families, layers = self._layers(preset, grading)
         carrying = self.carrying(layers)
@@ -164,8 +163,7 @@ def stressed_step(
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
     """Return the choice, in which the modes and phases that are stiffest with stressed widths now come first.
-    Stressed widths are computed for the best three pairs of modes and for the lowest pair.
-    """
+    Stressed widths are computed for the best three pairs of modes and for the lowest pair."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
@@ -252,8 +250,7 @@ class StressedTrial(Trial):
 
 START = (0.25, 0.0, 0.5, 0.75)
 """Phases of the first round if the search chooses both modes; both families have the same phase. All four phases are
-tried for pairs with mode 1, else only the first phase, because higher modes hardly depend on the phase.
-"""
+tried for pairs with mode 1, else only the first phase, because higher modes hardly depend on the phase."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
 """Phases of the first round, in all combinations: the first list if the search chooses no mode, else the second."""
 TOGETHER = ((1, 1), (-1, -1))  # Changes of both phases, in steps.
@@ -270,8 +267,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     The best candidate has the smallest compliance times material. At most 57 are tried. With the width rule
     `stressed`, trials use graded
     widths, and then `stressed_choice` sorts the candidates again.
-    Raises PatternError if no candidate carries the loads.
-    """
+    Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
         trial = Trial(preset, analysis)

@@ -58,8 +58,7 @@ def measured_pattern(
     """Return the quality of a pattern, measured on its stripes before the cut, and on its cells after the cut.
     symmetry : True to measure the symmetry error, too, which takes longest.
     cells    : all cells of the cut; None before the cut.
-    sheet    : the sheet after slicing; default: all material.
-    """
+    sheet    : the sheet after slicing; default: all material."""
     chart = pattern_chart(design)
     stripes = pattern_on_chart(design.surface, chart, design.pattern)
     followed = followed_directions(design)
@@ -100,8 +99,7 @@ def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_wid
     a
     member of the other family does not remain.
     reach      : metres; an end was removed if no material is within this distance.
-    half_width : (n,) half-width of the family's members at each vertex, in periods.
-    """
+    half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
     def remaining(places: Floats, dead: Callable[[Arms, float], bool]) -> Floats:
@@ -212,8 +210,7 @@ def _asymmetric_share(
     surface  : uncut surface; its centroid is the centre of rotations and mirrors.
     faces    : chart or cells with sample points. The points stand for equal areas, and form no rows.
     material : function of points (p, 3); returns True (p,) if the nearest place on the faces is material.
-    samples  : approximate number of points times number of images.
-    """
+    samples  : approximate number of points times number of images."""
     centre = centroid(surface)
     cumulated_area = np.cumsum(faces.areas)
     number = np.arange(samples // symmetry.order)
@@ -236,8 +233,7 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
     """Return the largest group of filled openings with at most `apart` metres between neighbours, or None.
-    samples : number of largest cells of an opening that must be filled if the opening counts as filled.
-    """
+    samples : number of largest cells of an opening that must be filled if the opening counts as filled."""
     openings = openings_of(before)
     if openings is None:
         return None
@@ -259,8 +255,7 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
 
 def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
     """Return the largest solid plate in which members of a single family touch outside kept regions, or None.
-    The number of its filled openings is about its area divided by the square of the spacing.
-    """
+    The number of its filled openings is about its area divided by the square of the spacing."""
     if options.families == "both":
         return None  # with two families, `largest_filling` finds plates
     touch = pattern.half_width(options.families) >= SOLID

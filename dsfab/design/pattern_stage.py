@@ -93,8 +93,7 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
     """Return the mean and the 95 % quantile of the angle (degrees) between principal directions of two stresses (m, 3,
     3).
     The mean has the weights area times difference of the principal stresses `before`. The quantile by area counts only
-    faces with clear directions.
-    """
+    faces with clear directions."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
     axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
@@ -130,8 +129,7 @@ def chosen_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None = None
 ) -> ChosenMethod:
     """Choose the method, modes, phases and forces of the stripes. `pattern_stage` adds the widths.
-    earlier : stripes of an earlier design, for reuse if they do not change.
-    """
+    earlier : stripes of an earlier design, for reuse if they do not change."""
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:
         log.note("pattern", f"weight_rounds has no effect on method = '{preset.pattern.method}', only on 'stripes'")
@@ -170,8 +168,7 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
     """Return stripes with approximate widths, for a first picture; this takes a tenth of the time.
-    Corners are not rounded, and openings not filled. Raises PatternError if no width gives the requested share.
-    """
+    Corners are not rounded, and openings not filled. Raises PatternError if no width gives the requested share."""
     candidate = chosen.way
     return sketched_step(candidate.preset, analysis, candidate.choice, candidate.grading, candidate.even)
 

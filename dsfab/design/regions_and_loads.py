@@ -42,8 +42,7 @@ IMAGE_DIFFERENCE = 0.3
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     """Return the surface without voids, cut along the outlines of the preset's regions.
     Raises SurfaceError for a region outside of the surface, and for a support or load inside voids. Raises it, too, if
-    voids separate a piece of the surface from the supports.
-    """
+    voids separate a piece of the surface from the supports."""
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
     for k in voids:
@@ -64,8 +63,7 @@ class Acting(NamedTuple):
 def acting_on(preset: Preset, surface: Surface) -> Acting:
     """Return the supports and the loads of a preset on its surface.
     Pickers select vertices before voids are cut out, so they do not count the edge of a void as a boundary.
-    Raises SurfaceError if all vertices of a picker are inside voids.
-    """
+    Raises SurfaceError if all vertices of a picker are inside voids."""
     section = preset.surface
     if not preset.pattern.voids:
         return Acting(section.support, section.load)
@@ -158,8 +156,7 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
 class Loading:
     """A load case or a combination for which results are computed.
     name    : name of the case or the combination; '' for the sum of all cases.
-    factors : factors of the cases in a combination; None for a case.
-    """
+    factors : factors of the cases in a combination; None for a case."""
 
     name: str
     load: LoadCase
@@ -189,8 +186,7 @@ class CoveringLoads:
     """Material of a cut sheet that carries loads on a covering, such as glass, on the m faces of the uncut surface.
     to      : (m,) number of the face with material that carries the covering of each face, or -1.
     area    : (m,) area of material in each face, m2.    place : (m, 3) centre of this material, metres.
-    opening : (m,) number of the opening to which a face belongs; -1 for faces with material.
-    """
+    opening : (m,) number of the opening to which a face belongs; -1 for faces with material."""
 
     surface: Surface
     to: Ints
@@ -214,8 +210,7 @@ class CoveringLoads:
 
     def forces(self, covered: Floats) -> Floats:
         """Return forces (m, 3), N, on the material in each face, for tractions (m, 3), Pa, on the uncut surface.
-        Raises StaticsError for a load on a piece of the surface without material.
-        """
+        Raises StaticsError for a load on a piece of the surface without material."""
         load = covered * self.surface.areas[:, None]
         lost = np.flatnonzero((self.to < 0) & load.any(axis=1))
         if len(lost):
@@ -276,8 +271,7 @@ def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -
     """Return forces (k, 3), N, at places (k, 3), as in bolt groups. In each group, their sum is zero, and their moment
     is
     that of the group. Places on a line take no moment about this line.
-    group  : (k,) group of each place.    weight : (k,) bolt areas.    moment : (g, 3) moments of g groups, N m.
-    """
+    group  : (k,) group of each place.    weight : (k,) bolt areas.    moment : (g, 3) moments of g groups, N m."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -296,8 +290,7 @@ LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
     """Return a clause about the first load on pieces without support, or ''.
     A load on such a piece is lost, even if supported material is near. Up to 1 % of a load may be lost.
-    material : all material, with loose pieces.    sheet : the material without loose pieces.
-    """
+    material : all material, with loose pieces.    sheet : the material without loose pieces."""
     dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
         size = np.linalg.norm(load.point, axis=1) * load.loaded
@@ -330,8 +323,7 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
     same
     resultant and moment.
 
-    Raises StaticsError if no supported vertex remains, and if no material is near a concentrated force.
-    """
+    Raises StaticsError if no supported vertex remains, and if no material is near a concentrated force."""
     supported = sheet_supports(surface, sheet, load)
     point = _moved_forces(surface, sheet, load.point)
     if load.parts is None:
@@ -347,8 +339,7 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
     """Return the supports of the uncut surface on a sheet that was cut from it, without loads.
-    Springs at removed vertices are lost. Raises StaticsError if no supported vertex remains.
-    """
+    Springs at removed vertices are lost. Raises StaticsError if no supported vertex remains."""
     sheet_vertex = sheet.same_vertex()
     fixed = sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges))
     remaining = np.flatnonzero(sheet_vertex >= 0)

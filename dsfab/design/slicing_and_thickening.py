@@ -45,8 +45,7 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
     """Return the kind of slits that are filled, so that members merge.
-    Stripes that are not tidied do not merge, so that a topology optimisation of the same preset keeps its mass.
-    """
+    Stripes that are not tidied do not merge, so that a topology optimisation of the same preset keeps its mass."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
@@ -54,8 +53,7 @@ def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
 def merging_rule(preset: Preset) -> Merging:
     """Return the rule for filling slits: all slits, or only those between members that come too close together. The
     second
-    rule is for solid fractions over one half, for which most openings are narrower than members.
-    """
+    rule is for solid fractions over one half, for which most openings are narrower than members."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
@@ -64,8 +62,7 @@ def trial_cut(
 ) -> TrialCut | None:
     """Return the cut of a pattern, finished up to the first rounding of corners; None if no material is left.
     The cut uses the defaults of [slicing], because the pattern must not depend on a later section.
-    polygons : the surface cut along the pattern, if the caller has it.
-    """
+    polygons : the surface cut along the pattern, if the caller has it."""
     preset = preset.model_copy(update={"slicing": Slicing()})
     options = finishing_options(preset, surface, pattern)
     cells = sheet_of(polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy))
@@ -74,8 +71,7 @@ def trial_cut(
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
     """Return a trial cut with bridges, and the share of the surface that they add. A workshop also gets least widths.
-    A bridge is material across a place where rounded members are too close together.
-    """
+    A bridge is material across a place where rounded members are too close together."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
         trial = trial.with_least_widths(*_usual_widths(preset, surface))
@@ -85,8 +81,7 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
     """Return the smallest width of openings and of their narrow places (necks), metres, or 0. Smaller openings are
     filled,
-    and narrower necks are bridged.
-    """
+    and narrower necks are bridged."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
@@ -112,8 +107,7 @@ class WorkshopWidths(NamedTuple):
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     """Return the least widths of a preset on a surface, from [slicing] or by default; 0 without `pattern.workshop`.
     The default for members is half of the thickness, about the width of a cutter. A larger limit in [slicing] is not
-    used here, because it widens members later.
-    """
+    used here, because it widens members later."""
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     slicing, thickness = preset.slicing, preset.statics.thickness
@@ -127,8 +121,7 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 def usual_gap(thickness: float, size: float) -> float:
     """Return the default least width (m) of openings. size : diagonal of the surface's bounding box, metres.
     It is a quarter of the thickness, but at least 3 mm for a saw blade. For small designs, a 500th of the size replaces
-    the 3 mm.
-    """
+    the 3 mm."""
     return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 
@@ -143,8 +136,7 @@ def _least_requested_member(options: Pattern, surface: Surface) -> float:
 
 def least_member(options: Pattern, surface: Surface) -> float:
     """Return the default least width (m) of evenly spaced members of varying width. It is half of the width of equal
-    members. Without a solid fraction, half of the surface counts as material.
-    """
+    members. Without a solid fraction, half of the surface counts as material."""
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
@@ -153,8 +145,7 @@ def closed_share(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> float:
     """Return the share of the surface that least widths add to the sheet of a pattern, with the defaults of [slicing].
-    polygons : the surface cut along the pattern, if the caller has it.
-    """
+    polygons : the surface cut along the pattern, if the caller has it."""
     usual = pattern.preset_with_choices(preset.model_copy(update={"slicing": Slicing()}))
     options = finishing_options(usual, surface, pattern)
     polygons = polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy)
@@ -261,8 +252,7 @@ def filled_plate(
 ) -> FilledOpenings | None:
     """Return the largest group of filled openings if it forms a plate. Return None if it lies around a small closed
     support.
-    cells : all cells before finishing, and after it.
-    """
+    cells : all cells before finishing, and after it."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
     filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)
@@ -360,8 +350,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
     """Thicken the sheet along the normals of the uncut surface: stage 6.
-    Raises SolidError if the surface bends too sharply for the thickness.
-    """
+    Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
         offset = offsets(surface, preset.statics.thickness, options.side)

@@ -44,8 +44,7 @@ class _LatestLayers(NamedTuple):
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
     """Return the kept regions, which are material in every pattern.
     With symmetric stripes, the regions around supports and loads are united with their symmetric images. The user's
-    regions do not change.
-    """
+    regions do not change."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
@@ -122,8 +121,7 @@ def corrected_pattern(
     bridged_share : function that returns the share of added bridges. It is slow, so it runs once if the share is 0.
 
     Stripes get the requested share minus the added share. If openings close, the added share jumps. The search then
-    takes middle values between a smaller and a larger total.
-    """
+    takes middle values between a smaller and a larger total."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -170,8 +168,7 @@ COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
 """Factors on the approximate widths that decide which openings close, between members that are too close. Smaller
 factors
-close fewer openings.
-"""
+close fewer openings."""
 SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that measure shares.
 
 
@@ -180,8 +177,7 @@ class WidthSearch(NamedTuple):
     share     : function that returns the share of the surface that layers cover.
     tolerance : largest error of the share.    guess : width factor of a similar pattern, or 0.
     counted   : faster, less accurate `share` for the beginning of the search, or None.
-    added     : share that finishing will add, for example by rounded corners.
-    """
+    added     : share that finishing will add, for example by rounded corners."""
 
     share: Callable[[Sequence[Layer]], float]
     tolerance: float
@@ -194,8 +190,7 @@ class WidthSearch(NamedTuple):
 class _MeasuredShares:
     """Function that cuts the surface along layers, and returns the share of the surface that they cover.
     reached  : all measured shares.    layers : the latest layers.
-    polygons : surface cut along the latest layers.    trial : latest cut with finishing.
-    """
+    polygons : surface cut along the latest layers.    trial : latest cut with finishing."""
 
     preset: Preset
     given: StressedSurface
@@ -242,8 +237,7 @@ def pattern_step(
 ) -> PatternResult:
     """Return the pattern. Kept regions come before stripes, because a layer does not cut earlier layers.
     preset  : preset with chosen modes and phases.    choice : choice of modes and phases, if they were `auto`.
-    grading : (n, f) relative half-widths of f families.    even : evenly spaced stripes; None for modes.
-    """
+    grading : (n, f) relative half-widths of f families.    even : evenly spaced stripes; None for modes."""
     options, surface = preset.pattern, analysis.surface
     with log.stage("pattern", "drawing stripes"):
         kept_layers = kept_regions(preset, surface, analysis.load, even)
@@ -308,8 +302,7 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 def least_width(preset: Preset, surface: Surface) -> float:
     """Return the default least width (m) of evenly spaced members of varying width. It is the thickness for graded
     members,
-    and the least width of a workshop for stressed members. So slicing need not widen members, which is slow.
-    """
+    and the least width of a workshop for stressed members. So slicing need not widen members, which is slow."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -380,8 +373,7 @@ def _layers_with_share(
     solve : function that finds the x of the requested share. It gets a function that returns the share at x * `factor`.
 
     The search repeats with slightly more or fewer closed openings in two cases. The share may jump because an opening
-    closes. Or the final width factor is over 2.5 times larger or smaller than `factor`.
-    """
+    closes. Or the final width factor is over 2.5 times larger or smaller than `factor`."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)
@@ -429,8 +421,7 @@ def drawable_families(
     radius  : distance (m) over which slopes are averaged, see `Widths.radius`.
     grading : (n, f) relative half-widths for the rule `stressed`; default: those of the rule `graded`.
     even    : evenly spaced stripes; None for stripes on modes.
-    Raises PatternError for a mode that was not computed.
-    """
+    Raises PatternError for a mode that was not computed."""
     surface, diffusion = analysis.surface, analysis.diffusion
     options, families = preset.pattern, list[DrawableFamily]()
     stress: list[Floats | None] = [None] * len(options.family_names)

@@ -48,8 +48,7 @@ class SolvedSheet:
     acting    : cases and combinations.       plane : True for a flat sheet in its plane, without bending.
     made      : (N, N) stiffness, N/m, by the elements that solved the sheet.
     factor_of : function that factorises a stiffness, and stores the factor.
-    answers   : equilibrium under each load.    sigma : (m, 3, 3) stress (Pa) of the middle surface under each load.
-    """
+    answers   : equilibrium under each load.    sigma : (m, 3, 3) stress (Pa) of the middle surface under each load."""
 
     acting: Sequence[Loading]
     plane: bool
@@ -90,14 +89,12 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 MOST_VERTICES = 200_000
 """Largest number of vertices for which accurate elements replace `hinge` elements.
-With 250,000 vertices, their factorisation takes 17 GB (`hinge`: 3.6 GB).
-"""
+With 250,000 vertices, their factorisation takes 17 GB (`hinge`: 3.6 GB)."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
     """Return stress, energy, frequencies and buckling of a solved sheet, for each case and combination.
-    rough : True for only stress and energy, by the elements that solved the sheet.
-    """
+    rough : True for only stress and energy, by the elements that solved the sheet."""
     sheet = preset.statics
     model, matrices = sheet.sheet().model_for(surface), dict(solved.made)
 
@@ -184,8 +181,7 @@ class FollowedStress(NamedTuple):
     """Stress (m, 3, 3), Pa, that the pattern follows in each case and combination.
     sigma   : stress in the middle of the thickness, or at the lower side of a slab.
     layered : stress of all layers of the thickness; None if the pattern does not follow them.
-    told    : note for the user, or ''.
-    """
+    told    : note for the user, or ''."""
 
     sigma: Sequence[Floats]
     layered: Sequence[Floats] | None = None
@@ -197,8 +193,7 @@ def followed_layers(
 ) -> FollowedStress:
     """Return the stress that statics.stress selects, for a sheet that was solved with bending.
     sigma : (m, 3, 3) stress in the middle of the thickness (Pa), for each case and combination.
-    Raises StaticsError if elements with reliable moments cannot solve the sheet.
-    """
+    Raises StaticsError if elements with reliable moments cannot solve the sheet."""
     option = preset.statics.stress
     if is_slab(surface, answers):
         lower = [stress.tensor("bottom") for stress in _moment_stresses(preset, surface, acting, answers)]
@@ -221,8 +216,7 @@ def followed_layers(
 
 def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]) -> float:
     """Return the share of bending in the strain energy under the loads that the pattern follows, 0 to 1.
-    For `hinge` elements the share is only approximate (see `hinge_energy`).
-    """
+    For `hinge` elements the share is only approximate (see `hinge_energy`)."""
     weights = [preset.followed_weights.get(loading.name, 0.0) for loading in acting]
     bent = sum(w * float(a.stress.bending_energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
     total = sum(w * float(a.stress.energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
@@ -301,8 +295,7 @@ def statics_step(
     preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = (), solved: SolvedSheet | None = None
 ) -> StaticsResult:
     """Solve all load cases, and compute the results that [statics] requests.
-    acting : loads that replace those of the preset.    solved : result of `checked_sheet`, if the caller has it.
-    """
+    acting : loads that replace those of the preset.    solved : result of `checked_sheet`, if the caller has it."""
     solved = solved or checked_sheet(preset, surface, log, acting)
     answers = answers_step(preset, surface, solved, log)
     with log.row("stress"):
@@ -316,8 +309,7 @@ def statics_step(
 
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
     """Return the statics without accurate elements, for a sketch.
-    Return None if this saves no time, or if the stress that the pattern follows may need accurate elements.
-    """
+    Return None if this saves no time, or if the stress that the pattern follows may need accurate elements."""
     sheet = preset.statics
     if sheet.analyses.elements_for(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
         return None

@@ -28,8 +28,7 @@ def load_preset(
     """Return a preset by the name of a shipped preset ("dome"), by its TOML file, or by a folder of `dsfab build`.
     overrides : new values by dotted key, e.g. {"pattern.major.frequency": 12}.
     mesh      : mesh file that replaces the preset's surface. The supports and loads do not change.
-    Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values.
-    """
+    Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values."""
     path = _find(name_or_path)
     values = read_toml(path)
     values.setdefault("name", path.stem)
@@ -90,8 +89,7 @@ def require_mesh(preset: Preset) -> None:
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset with all defaults as TOML, which builds the same design again.
     A material is written by its name, with only those values that differ from the material.
-    for_people : True to write only the size of a mesh from Python, not its numbers.
-    """
+    for_people : True to write only the size of a mesh from Python, not its numbers."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
         values["surface"]["mesh"] = f"given in Python: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"

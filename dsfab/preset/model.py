@@ -80,8 +80,7 @@ class Statics(Section):
     """Stress that the pattern follows. membrane: stress in the middle of the thickness (the paper); for a flat sheet
     that
     only bends, stress at its lower side. layers: stress of the whole thickness, with bending. auto: layers if bending
-    stores at least half of the strain energy, else membrane.
-    """
+    stores at least half of the strain energy, else membrane."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
     """Strength (Pa), with which the largest stress is compared: 235e6 for steel S235. 0: no comparison."""
     frequencies: Annotated[int, Ge(0), Le(10)] = 0
@@ -91,8 +90,7 @@ class Statics(Section):
     check: bool = True
     """Refuse a sheet that moves by over a tenth of its span or stands on one vertex. Also refuse a support or load far
     from
-    the surface. false: only report these faults.
-    """
+    the surface. false: only report these faults."""
 
     _named = model_validator(mode="before")(with_material)
 
@@ -162,8 +160,7 @@ class Diffusion(Section):
     """Number of eigenmodes for each family."""
     follow: str | None = None
     """Name of the case or combination that the pattern follows. combined: sum of the absolute stresses of all cases or
-    combinations. Default: combined if there are several cases.
-    """
+    combinations. Default: combined if there are several cases."""
     weights: dict[str, float] = Field(default_factory=dict)
     """Weight of each combination in the combined sum, or of each case if there are no combinations; default 1."""
     symmetry: tuple[str, ...] = ()
@@ -210,12 +207,10 @@ class Family(Section):
     """Number of the eigenmode; mode 1 is the first that is not constant. auto: the stiffest of the first four."""
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
     """Stripes per unit of the mode, whose values span 0.5 to 3 units. Evenly spaced stripes have no frequency.
-    0: `spacing` is used instead.
-    """
+    0: `spacing` is used instead."""
     spacing: Annotated[float, Ge(0)] = 0.0
     """Mean distance (m) between the centre lines of stripes. 0: `frequency` is used instead. Default of evenly spaced
-    stripes: a twelfth of the root of the surface's area, but at least the mean edge length of the mesh.
-    """
+    stripes: a twelfth of the root of the surface's area, but at least the mean edge length of the mesh."""
     phase: Phase = 0.0
     """Shift of the stripes, in periods. auto: the stiffest of several phases."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
@@ -258,8 +253,7 @@ class Width(Section):
     rule: Rule = "plain"
     """plain: widths follow the thresholds (the paper). constant: equal widths in metres. graded: wider where the
     stress is
-    larger. stressed (stiffest, slowest): widened where the energy is largest, in several trials.
-    """
+    larger. stressed (stiffest, slowest): widened where the energy is largest, in several trials."""
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members for rule constant, metres. 0: solid_fraction gives the width."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
@@ -271,8 +265,7 @@ class Width(Section):
     Rule
     graded: the thickness. Rule stressed with pattern.workshop: half of the thickness. In these cases the limit is at
     most
-    half of the width that equal members would have.
-    """
+    half of the width that equal members would have."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -297,8 +290,7 @@ class Width(Section):
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
         """Return the width rule. If only `solid_fraction` defines the width, the rule begins with 1 % of `length` (m).
-        least : smallest width (m) if `min_width` is auto; at most `max_width` is used.
-        """
+        least : smallest width (m) if `min_width` is auto; at most `max_width` is used."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
         low = min(least, self.max_width or least) if self.min_width == AUTO else self.min_width
@@ -327,8 +319,7 @@ class Pattern(Section):
     without dead ends and slits. auto compares modes, stripes, and stripes with halving. For the width rules constant
     and
     graded it also compares these rules, graded with half of q, and stressed widths. If the preset sets no spacing, auto
-    compares several spacings.
-    """
+    compares several spacings."""
     halve: bool = True
     """For stripes: where they come too close together, every second one ends on a crossing member. false: none ends."""
     families: Literal["both", "major", "minor"] = "both"
@@ -337,18 +328,15 @@ class Pattern(Section):
     """For stripes. auto: the pattern has the symmetry of surface, supports and loads. none: it need not have it."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
     """For stripes: angle (degrees) from the stress to both families. It is counter-clockwise, seen from the side of the
-    normals or from outside of a closed surface. 90 exchanges the families.
-    """
+    normals or from outside of a closed surface. 90 exchanges the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """For stripes: forces that give directions and graded widths. uncut: forces in the uncut sheet. optimal: forces in
     the
-    stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs.
-    """
+    stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
     """For stripes: number of times that the directions are computed again with only the weight of the stripes. This is
     for
-    designs whose weight is most of the load. 0: the weight is that of the uncut sheet.
-    """
+    designs whose weight is most of the load. 0: the weight is that of the uncut sheet."""
     guide: tuple[Guide, ...] = ()
     """For stripes: curves and regions that set their direction."""
     region: tuple[PatternRegion, ...] = ()
@@ -358,8 +346,7 @@ class Pattern(Section):
     width: Width = Width()
     tidy: bool | None = None
     """Remove dead ends up to the last crossing, and fill openings that are narrower than the members beside them.
-    Default: true for evenly spaced stripes, false for stripes on modes (the paper).
-    """
+    Default: true for evenly spaced stripes, false for stripes on modes (the paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Distance (m) around loads and supports within which the surface stays material; 0: none."""
     rim: Annotated[float, Ge(0)] = 0.0
@@ -368,12 +355,10 @@ class Pattern(Section):
     """Radius (m) of the corners of openings, smaller where there is no space for it. 0: sharp corners."""
     crowding: Literal["note", "avoid"] = "note"
     """For stripes: reaction if stripes are so close that neighbouring openings would be filled. note: print a note.
-    avoid: also try a larger keep, a larger spacing, one family and rotate = 45, and use the best pattern.
-    """
+    avoid: also try a larger keep, a larger spacing, one family and rotate = 45, and use the best pattern."""
     workshop: bool | None = None
     """Close narrow openings and their tips, and widen narrow members. The limits are slicing.min_gap and min_member.
-    Default: true for evenly spaced stripes, except with the width rule stressed; false for stripes on modes.
-    """
+    Default: true for evenly spaced stripes, except with the width rule stressed; false for stripes on modes."""
 
     @model_validator(mode="before")
     @classmethod
@@ -462,20 +447,17 @@ class Slicing(Section):
     """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default on modes: 0. Default
     between evenly spaced stripes: 15 % of their spacing, for tidied stripes at most the thickness; openings under 35 %
     of
-    the usual size are then filled, too.
-    """
+    the usual size are then filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Smallest width of openings with pattern.workshop, metres. Narrower openings are bridged, and narrower tips
     filled.
-    0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size).
-    """
+    0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
     """Smallest width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop, the default
     is
     half of the thickness, or the smaller limit of [pattern.width]. Without pattern.workshop, only very narrow members
     of
-    tidied stripes are widened: under 0.8 times the usual width, between openings with round corners.
-    """
+    tidied stripes are widened: under 0.8 times the usual width, between openings with round corners."""
     improve: bool = False
     """Improve the triangles of the cut mesh by flipping and removing edges, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -509,8 +491,7 @@ class Fabrication(Section):
     accept: bool = False
     """Write files of a design with faults. Faults are loads without a path to a support, very thin places where the
     solid
-    would meet itself, and members and openings under 1 mm and under their limit.
-    """
+    would meet itself, and members and openings under 1 mm and under their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
     """Size of the machine along x, y, z, metres; the solid may be turned onto any side."""
 
@@ -537,8 +518,7 @@ class Export(Section):
     compact: a few large curved faces, the smallest file, which CAD programs often cannot cut. auto: the first that
     works
     of planar, members up to 7000 faces, fast smooth that OCCT can cut, faceted within step_faces, and smooth. quick: as
-    auto, but members only for open surfaces, no test of a cut, and no smooth at the end.
-    """
+    auto, but members only for open surfaces, no test of a cut, and no smooth at the end."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Largest error (m) of planar, smooth or simplified STEP. 0: a part of the thickness; no error for faceted STEP."""
     step_mb: Annotated[float, Ge(0)] = 0.0
@@ -590,8 +570,7 @@ class Preset(Section):
         of
                    `surface`.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
-        Raises PresetError that lists every mistake with its key in TOML, and SurfaceError for an invalid mesh.
-        """
+        Raises PresetError that lists every mistake with its key in TOML, and SurfaceError for an invalid mesh."""
         surface_lists = {"support": supports, "load": loads, "combination": combinations}
         values = {key: plain(value) for key, value in sections.items()}
         if surface is not None:
@@ -614,8 +593,7 @@ class Preset(Section):
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
         """Refuse vertex numbers in guides and regions if a void changes the numbers of the vertices.
-        Supports and loads may use vertex numbers, because they are picked before voids are cut out.
-        """
+        Supports and loads may use vertex numbers, because they are picked before voids are cut out."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [
@@ -661,8 +639,7 @@ class Preset(Section):
 
     def with_thickness(self, thickness: float) -> "Preset":
         """Return the preset with a thickness (m). Round corners get a radius of at least `FILLET` times this thickness.
-        If the thickness was auto, the members of a workshop get this thickness as their smallest width.
-        """
+        If the thickness was auto, the members of a workshop get this thickness as their smallest width."""
         slicing, fillet = self.slicing, self.pattern.fillet
         if not self.statics.is_sized and slicing.min_member is None and self.pattern.for_workshop:
             slicing = slicing.model_copy(update={"min_member": thickness})
@@ -690,8 +667,7 @@ class Preset(Section):
     def first_difference(self, other: "Preset") -> str | None:
         """Return the first stage whose section differs, or None. Return `surface` if the outline of a region differs.
         Return it,
-        too, if [statics] differs and the stress defines the mesh.
-        """
+        too, if [statics] differs and the stress defines the mesh."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

@@ -38,8 +38,7 @@ class Workshop(Section):
     crossings. bars: straight members from node to node, with folded plates. panels: a model of flat faces with tabs.
     sheet: a flat design in pieces of the stock's size. auto: sheet for a flat design, else the first possible of
     strips,
-    bars near the surface, and planks.
-    """
+    bars near the surface, and planks."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Length and width of the sheets to cut from, metres; one size or several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()
@@ -72,8 +71,7 @@ class Workshop(Section):
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
     """Joint of parts longer than the stock. cover: bolted cover plate for members, butt joint for flat sheets. scarf:
     glued
-    slope, eight times as long as thick. fingers: finger joints for flat sheets. none: butt joints.
-    """
+    slope, eight times as long as thick. fingers: finger joints for flat sheets. none: butt joints."""
 
     @field_validator("stock", mode="before")
     @classmethod
@@ -128,8 +126,7 @@ class Eurocode(Section):
     bent_in: bool = False
     """Timber: members consist of straight layers that are bent into shape, and the check adds the stress of this
     bending.
-    The thickness of a layer is that in [workshop], or the thickness in [statics] divided by `workshop.layers`.
-    """
+    The thickness of a layer is that in [workshop], or the thickness in [statics] divided by `workshop.layers`."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
         """Yield an error message for each case in `duration` that no load has."""

@@ -84,8 +84,7 @@ class SurfaceSection(Section):
     smooth: bool = False
     """Make the surface smooth: with `refine` by Loop subdivision; with `edge` by new vertices on a smooth surface
     through the
-    old vertices. Boundaries and creases do not change.
-    """
+    old vertices. Boundaries and creases do not change."""
 
     @property
     def sums(self) -> tuple[Combination, ...]:
@@ -123,8 +122,7 @@ class OwnSurface(SurfaceSection):
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
     """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress is that of a
     solve
-    on equal triangles. It changes if it varies along an edge by a quarter of its root mean square.
-    """
+    on equal triangles. It changes if it varies along an edge by a quarter of its root mean square."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -171,8 +169,7 @@ class FileSurface(OwnSurface):
     repair: bool = False
     """Repair a raw scan: as `mend`; also split edges with more than two faces, and give all normals the same side.
     Remove
-    small pieces (under a twentieth of the largest), and fill holes (outline under 15 % of the largest side).
-    """
+    small pieces (under a twentieth of the largest), and fill holes (outline under 15 % of the largest side)."""
     max_triangles: Annotated[int, Ge(1)] | None = None
     """Largest number of triangles in the file; also limits its bytes, vertices and reading time. Default: 4 million."""
 
@@ -223,8 +220,7 @@ Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text
 
 class MeshSurface(OwnSurface):
     """A surface from a mesh in Python. `dsfab.save` writes the mesh to a file and names the file in the saved preset.
-    mesh : a `Surface`, a mesh of another library (see `Surface.of`), or (V, F).
-    """
+    mesh : a `Surface`, a mesh of another library (see `Surface.of`), or (V, F)."""
 
     mesh: Annotated[Mesh, Field(repr=False)]
 
@@ -288,8 +284,7 @@ def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F): vertices (n, 3),
               metres, and faces (m, 3).
     lists   : supports, loads and combinations to add to the table.
-    Raises SurfaceError for an invalid mesh.
-    """
+    Raises SurfaceError for an invalid mesh."""
     if isinstance(surface, str | Path):
         surface = {"file": Path(surface).absolute()}
     elif isinstance(surface, SurfaceSection | Mapping):

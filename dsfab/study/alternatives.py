@@ -21,8 +21,7 @@ class Spread:
     """Statistics of the compliances (J) of all variants of a competitor, each by one solve.
     tried, carried : number of variants, and number of variants that carry the loads.
     best, mean, worst : compliances of the variants that carry the loads.
-    median : median of all variants. A variant that does not carry the loads counts as infinite.
-    """
+    median : median of all variants. A variant that does not carry the loads counts as infinite."""
 
     tried: int
     carried: int
@@ -50,8 +49,7 @@ class Competitor:
     smallest_member : width of the narrowest member, metres; None if it cannot be measured.
     spread          : statistics of the variants; None for a single variant.
     seconds_made    : time to make all variants.     seconds : time to make and judge all variants.
-    structure       : the judged structure, or a single variant that failed under the loads.
-    """
+    structure       : the judged structure, or a single variant that failed under the loads."""
 
     name: str
     variant: str = ""
@@ -149,8 +147,7 @@ class Alternative:
                 loads; 0 if the alternative does not carry them.
     low, high : interval of `over` from the error bounds of the compliances.
     variant   : the best variant, such as "modes 1, 2".     error : reason why there is no alternative, or ''.
-    level     : description of the solves, such as "one solve each".
-    """
+    level     : description of the solves, such as "one solve each"."""
 
     name: str
     over: float
@@ -226,8 +223,7 @@ class _BoundedCompliance(NamedTuple):
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
     """Compare a structure with a thinner sheet of the same mass, by one solve each.
-    If the error bounds leave open which one is stiffer, more accurate solves follow.
-    """
+    If the error bounds leave open which one is stiffer, more accurate solves follow."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)
     alternative = _alternative("thinner", design, rival, "one solve each")
@@ -241,8 +237,7 @@ def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternati
 def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
     """Compare a structure with the best isotropic stripes of the same mass.
     Each pair of modes is cut and solved once. The two best pairs are then cut to exactly the design's mass. More
-    accurate elements solve these two pairs and the design.
-    """
+    accurate elements solve these two pairs and the design."""
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
     level = f"one solve each, best of {len(blind.pairs)} pairs"

@@ -29,8 +29,7 @@ class Wedges:
     elements : (m, 15) nodes in CalculiX's order: corners below, corners above, middles of the edges below, middles of
                the edges above, middles of the upright edges.
     columns : (n, 3) nodes of each vertex of the sheet: below, above and in the middle of the thickness.
-    middles : (e, 2) nodes of each edge: below and above.
-    """
+    middles : (e, 2) nodes of each edge: below and above."""
 
     nodes: Floats
     elements: Ints
@@ -60,8 +59,7 @@ def solid_compliance(
 ) -> float | None:
     """Return the compliance (J) of a solid under its own weight by CalculiX; None if CalculiX is not installed.
     fixed_nodes : numbers of fixed nodes.       gravity : (3,) m/s2.       seconds : time limit.
-    Raises StaticsError if CalculiX fails.
-    """
+    Raises StaticsError if CalculiX fails."""
     program = shutil.which(CCX)
     if program is None:
         return None
@@ -109,8 +107,7 @@ class WedgeModel:
     """A solid with its supports and forces.
     fixed    : (q, 2) pairs of a held node and a held direction (0 to 2).
     opposite : (r, 3) pairs of nodes that move by opposite amounts in a direction. So the sheet can rotate.
-    force    : (p, 3) newtons at the nodes.
-    """
+    force    : (p, 3) newtons at the nodes."""
 
     solid: Wedges
     material: Material
@@ -123,8 +120,7 @@ def solid_model(surface: Surface, normal: Floats, thickness: float, material: Ma
     """Return a model with one wedge through the thickness for each triangle.
     normal : (n, 3) unit normals at the vertices, all on one side of the sheet.    thickness : metres.
     Supports hold the middle of the thickness; clamped edges are held through the whole thickness.
-    Raises StaticsError for springs.
-    """
+    Raises StaticsError for springs."""
     if load.spring.any():
         raise StaticsError("the nonlinear check cannot use springs at supports; make these supports rigid")
     across = normal[surface.edges.ends].sum(axis=1)
@@ -198,8 +194,7 @@ def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] 
     """Run CalculiX on an .inp file and return its output. Its files are always deleted.
     text    : lines of the .inp file.
     seconds : time limit.
-    enough  : function of the output so far; CalculiX is stopped when it returns True.
-    """
+    enough  : function of the output so far; CalculiX is stopped when it returns True."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as name:
         folder = Path(name)
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
@@ -243,8 +238,7 @@ class LoadPath:
     """Path of a structure under growing loads.
     load    : (k,) factors on the loads; the first is 0.    u : (k, w, 3) displacements of w nodes, metres.
     whole   : True if the path reaches the last requested factor.    late : True if the time limit ended the path.
-    failed  : (f, 2) start point and load increment of each attempt without equilibrium.
-    """
+    failed  : (f, 2) start point and load increment of each attempt without equilibrium."""
 
     load: Floats
     u: Floats
@@ -289,8 +283,7 @@ def load_path(
     factors : factors on the loads. The load grows to each of them in turn.
     stop_point : function of the path so far. It returns the number of the last point that is needed, or None.
     steps : number of steps to each factor. CalculiX halves steps that do not converge.
-    The path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails.
-    """
+    The path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails."""
     text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_formatted_rows("%d\n", watched + 1)]
     for factor in factors:
         text.append(f"*STEP, NLGEOM, INC=1000\n*STATIC\n{1 / steps}, 1., 0.001, {1 / steps}\n*CLOAD\n")

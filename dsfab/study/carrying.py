@@ -47,12 +47,10 @@ Place = tuple[float, float, float]
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
 BUCKLED_CASES = 3
 """Number of cases and combinations for which buckling is computed, those with the largest compression. The number is
-limited because each buckling analysis takes as long as a solve.
-"""
+limited because each buckling analysis takes as long as a solve."""
 NARROW_RIB = 3.0
 """Smallest ratio of mean rib width to thickness. In a narrower rib, a shell twists too stiffly: a solid bar has
-less than 0.8 times its torsional stiffness (`torsion_share`).
-"""
+less than 0.8 times its torsional stiffness (`torsion_share`)."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +85,7 @@ class SupportForce:
     """Force of a support on the structure in a case.
     vertical   : newtons, positive if the support pushes upwards.    horizontal : newtons.
     direction  : angle of the horizontal force, degrees from the first horizontal axis (x) to the second (y).
-    thrust     : newtons, sum of the magnitudes of the horizontal forces at all vertices.
-    """
+    thrust     : newtons, sum of the magnitudes of the horizontal forces at all vertices."""
 
     support: str
     case: str
@@ -110,8 +107,7 @@ class Carrying:
     buckling_case : case of the lowest buckling factor, or ''.
     mass     : mass of the sheet, kg.     reactions : forces by support, then by case.
     faults   : reasons why the structure does not carry.       remarks : missing values and assumptions.
-    stress   : (m,) von Mises stress (Pa) in the case of the most used member, or in the first case.
-    """
+    stress   : (m,) von Mises stress (Pa) in the case of the most used member, or in the first case."""
 
     thickness: float
     mass: float
@@ -142,8 +138,7 @@ class Carrying:
 class CutStatics:
     """The cut sheet of a design with a thickness (m), its loads, and results for each case and combination.
     answers : solutions by elements that are accurate enough for reports.
-    stiffness : K of the elements for buckling, without springs.     factor_of : stored factorisations of K.
-    """
+    stiffness : K of the elements for buckling, without springs.     factor_of : stored factorisations of K."""
 
     design: Design
     thickness: float
@@ -169,8 +164,7 @@ class CutStatics:
 
 def carrying(design: Design) -> Carrying:
     """Return the verdict on the cut sheet of a design; the design stores the result.
-    A structure that does not stand gives a verdict, no error. Raises the DsfabError of a stage that fails.
-    """
+    A structure that does not stand gives a verdict, no error. Raises the DsfabError of a stage that fails."""
     return design.cached_result("slicing", "carrying", lambda: _carrying(design))
 
 
@@ -231,8 +225,7 @@ def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
     """Return the mass, largest movement and largest utilisation of a solved cut sheet.
     use : False to leave out the utilisation, which takes longest.
     Steel and timber members are checked by Eurocode. Otherwise, the utilisation is the von Mises stress divided by the
-    strength; 99 % of the area has at most this stress.
-    """
+    strength; 99 % of the area has at most this stress."""
     moved, mass = _movement(statics), _mass(statics.design, statics.thickness)
     if not statics.preset.statics.strength:
         return Carrying(statics.thickness, mass, None, moved, remarks=(NO_STRENGTH,))
@@ -347,8 +340,7 @@ def _movement(statics: CutStatics) -> Movement:
 def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
     """Return the span (m) with which movements are compared, and its description.
     The span is twice the largest distance of a vertex from the supports, measured at right angles to the load. The
-    distance in space is used instead if it is longer than this span, as for a column under its load.
-    """
+    distance in space is used instead if it is longer than this span, as for a column under its load."""
     net, V, parts = load.force.sum(axis=0), surface.V, load.parts
     if parts is not None and (parts.point.any() or parts.bare.any() or parts.covered.any()):
         net = net - surface.areas @ parts.weight
@@ -415,8 +407,7 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
 
 def support_shares(supports: Iterable[Support], surface: Surface, sheet: Sheet) -> Floats:
     """Return the share (s, n', 3) of each of s supports in the reaction at each of n' vertices of a cut sheet.
-    Supports that hold the same direction of a vertex have equal shares.
-    """
+    Supports that hold the same direction of a vertex have equal shares."""
     marks = np.array([_held_directions(support, surface, sheet) for support in supports])
     return np.asarray(marks / np.maximum(marks.sum(axis=0), 1))
 

@@ -24,15 +24,13 @@ from dsfab.surface import LoadCase, Surface, support_names
 THIN = 0.01
 """Largest thickness of CPS6 sections, divided by the mean edge length. CalculiX makes solid wedges of CPS6 elements,
 and
-only thin wedges come close to plane stress.
-"""
+only thin wedges come close to plane stress."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
     """Return the nodes (n + e, 3), metres, and the triangles (m, 6) of a surface. The middles of edges follow the
     vertices.
-    The six nodes of a triangle are its corners, and the middles of its sides 1-2, 2-3 and 3-1.
-    """
+    The six nodes of a triangle are its corners, and the middles of its sides 1-2, 2-3 and 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
@@ -45,8 +43,7 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
     The shape function of a middle node is the bubble function of its edge. So the node takes the force on the bubble.
     The
-    shape function of a corner contains minus half of this bubble. So each end of the edge loses half of the force.
-    """
+    shape function of a corner contains minus half of this bubble. So each end of the edge loses half of the force."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
@@ -59,8 +56,7 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
     """Return a mask (n + e, 3) of the held directions of all nodes for each support.
     supports : (n, 3) mask of held directions of the vertices, by name of the support.
-    If two supports hold the ends of an edge, its middle belongs to the first support.
-    """
+    If two supports hold the ends of an edge, its middle belongs to the first support."""
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
     directions = {}
@@ -88,8 +84,7 @@ def six_node_model(
     steps    : (n + e, 3) nodal forces, newtons, by name of the step.
     springs  : (n, 3) newtons per metre at the vertices.
     element  : S6, or CPS6 for a flat sheet that is loaded in its plane.
-    axis     : coordinate perpendicular to the plane of a CPS6 sheet.
-    """
+    axis     : coordinate perpendicular to the plane of a CPS6 sheet."""
     surface, material, clamped = sheet.surface, sheet.material, sheet.clamped
     edges = surface.edges
     X, T = six_node_triangles(surface)
@@ -118,8 +113,7 @@ def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel
     axis      : coordinate perpendicular to the sheet.
     thickness : largest thickness of the section, metres. A thicker section is replaced by a thinner, stiffer one. It
                 preserves displacements, reactions and energy, and increases stresses.
-    Raises StaticsError for a sheet that is not flat.
-    """
+    Raises StaticsError for a sheet that is not flat."""
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
         raise StaticsError("the sheet is not flat, so CPS6 elements cannot be used; choose S6 elements")
     turn = axes_of_file(axis)
@@ -171,8 +165,7 @@ class CheckModel:
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
     """Return the model of a preset's uncut surface, with a step for each case and combination. The elements are CPS6
     for
-    a flat surface loaded in its plane, else S6 shells. Raises DsfabError if a stage fails.
-    """
+    a flat surface loaded in its plane, else S6 shells. Raises DsfabError if a stage fails."""
     log = Log(progress)
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)

@@ -38,8 +38,7 @@ class Comparison:
     The compliance is the sum over the load cases, with the weights of [diffusion].
     task      : common input of the competitors.
     pattern   : quality of the design's pattern; None if its widths are scaled or it cannot be cut.
-    looked_at : alternatives that are not competitors, compared by a fast solve.
-    """
+    looked_at : alternatives that are not competitors, compared by a fast solve."""
 
     name: str
     task: ComparisonTask
@@ -108,8 +107,7 @@ def comparison(
     against : names of `BASELINES`.     judge : judge of the design and the full sheet.
     rival_judge : judge of the competitors, default `judge`. `quick` first finds the stiffest of several variants.
     refuse  : True to raise an error if the design does not carry its loads. If False, the comparison holds the error.
-    Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names.
-    """
+    Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     rivals = baselines_by_name(against)
     try:
         slicing, thickness = design.slicing, design.preset.statics.thickness
@@ -134,8 +132,7 @@ def compare_at(
 ) -> Comparison:
     """Compare sheets whose material covers `share` of the surface. The design's widths are scaled to this share.
     If the design does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names, or
-    if `share` is not between 0 and 1.
-    """
+    if `share` is not between 0 and 1."""
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
@@ -229,8 +226,7 @@ class Checks:
     """Options for the checks of a comparison.
     level  : quick (one solve) or full (several meshes with an error bound). None: full for the design; full for the
              competitors if all checks take less than a minute.
-    ask    : number of frequencies and buckling factors to compute.        memory : limit of a full check, bytes.
-    """
+    ask    : number of frequencies and buckling factors to compute.        memory : limit of a full check, bytes."""
 
     level: str | None = None
     ask: ResultRequest | None = None
@@ -240,8 +236,7 @@ class Checks:
     def judge(self, depth: str, every: bool = False) -> Judge:
         """Return the judge for a depth: quick, full or whole.
         depth : "whole" is full for uncut sheets, which have coarse meshes, and quick for cut sheets.
-        every : True to judge all cases; else only those that the pattern follows.
-        """
+        every : True to judge all cases; else only those that the pattern follows."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
         if depth == "full":
@@ -265,8 +260,7 @@ def compare(
     against : names of `dsfab.study.baselines.BASELINES`.
     level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, with an error bound.
               None: full for the design; full for the competitors if all checks take less than a minute.
-    Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names.
-    """
+    Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     names = tuple(against)
     design_judge, rival, _ = judges(design, names, Checks(level, progress=progress))
     return comparison(design, names, design_judge, partial(progress, "compare"), rival).with_alternatives()

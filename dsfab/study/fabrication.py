@@ -26,8 +26,7 @@ class Check:
     """A limit and its measured value, metres (three lengths each for `bed`).
     name  : key of [fabrication].
     value, place, what : measured value, its place, and the name of the measured part; empty if there is no such part.
-    asked : True if the preset sets the limit; False if `least_widths` gives it.
-    """
+    asked : True if the preset sets the limit; False if `least_widths` gives it."""
 
     name: str
     limit: tuple[float, ...]
@@ -92,8 +91,7 @@ def fabrication(design: Design) -> FabricationMeasures:
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
     """Return reasons (clauses) why an export needs the user's consent. Reasons are loads without support, and places
     where the sheet is a film. In a workshop design, too narrow members and gaps under 1 mm are reasons, too.
-    measured : measures of the design; None leaves out the members and gaps.
-    """
+    measured : measures of the design; None leaves out the members and gaps."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
         sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, loads)
@@ -178,8 +176,7 @@ def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesig
     """Return the design, changed until no check of its [fabrication] fails.
     Least widths of members and gaps are raised first. Later changes also lower the frequencies.
     Raises PatternError if only the thickness or the machine could meet a limit, or if `ATTEMPTS` changes do not
-    suffice.
-    """
+    suffice."""
     original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
         if not measured.failed_checks:

@@ -41,8 +41,7 @@ class CaseResponse:
     buckling_bound, frequency_bound : relative error bounds; None for one mesh.
     refusals     : reasons for missing values.
     assumed      : assumptions about the supports for buckling and frequency, or ''.
-    local        : clause about a local buckling mode, or ''.
-    """
+    local        : clause about a local buckling mode, or ''."""
 
     compliance: float
     displacement: Extreme
@@ -71,8 +70,7 @@ class Judgement:
     verdict    : `pass` if the bound is small enough.     reason : explanation of the verdict.
     cases      : response to each load by its name.
     check      : the verdict on several meshes; None for one mesh.
-    theory     : fraction by which a solid may be softer than the shell; None for one mesh.
-    """
+    theory     : fraction by which a solid may be softer than the shell; None for one mesh."""
 
     compliance: float
     cases: Mapping[str, CaseResponse]
@@ -107,8 +105,7 @@ class AnsweredLoad:
 def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, AnsweredLoad]:
     """Solve a structure's sheet for each load that the pattern follows.
     every : True to solve all cases and combinations.
-    Raises StaticsError if the structure does not carry a load.
-    """
+    Raises StaticsError if the structure does not carry a load."""
     statics, surface = task.preset.statics, structure.sheet.surface
     loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure, every))
     sheet = statics.sheet(structure.thickness).model_for(surface)
@@ -126,8 +123,7 @@ def quick(
     The bound is 5 %, which holds for nine designs in ten. Uncut sheets that bend have coarse meshes and get 50 %.
     ask   : requested frequencies and buckling factors; only the lowest are computed.
     every : True to judge all cases and combinations; else only those that the pattern follows.
-    Raises StaticsError if the structure does not carry a load.
-    """
+    Raises StaticsError if the structure does not carry a load."""
     answers, request = solved_loads(task, structure, every), ask or ResultRequest()
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
     total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
@@ -208,8 +204,7 @@ def full(
     If the memory is too small for finer meshes, the result is that of `quick`.
     every : True to judge all cases and combinations. The verdict is `fail` if only the followed loads are carried.
     ask   : requested frequencies and buckling factors.         budget : memory, bytes.
-    Raises StaticsError if the structure does not carry the loads that its pattern follows.
-    """
+    Raises StaticsError if the structure does not carry the loads that its pattern follows."""
     try:
         quick_judgement = quick(task, structure, None, every)
     except StaticsError as error:

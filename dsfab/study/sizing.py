@@ -32,8 +32,7 @@ class SizingTrial:
     share    : share of the surface that is material.     movement : largest movement divided by the span.
     buckling : lowest buckling factor; inf if unknown.     utilisation : largest utilisation; None if not computed.
     excess   : ratio of result to limit for each target (limit to result for buckling); at most 1 if the target is met.
-    is_final : True if the pattern was cut for this thickness.
-    """
+    is_final : True if the pattern was cut for this thickness."""
 
     thickness: float
     share: float
@@ -64,8 +63,7 @@ class SizingTrial:
 @dataclass(frozen=True)
 class SizingResult:
     """The trials behind a design; the last trial is that of the design.
-    stock : source of the list of thicknesses.     changes : changed values of the pattern, by dotted key.
-    """
+    stock : source of the list of thicknesses.     changes : changed values of the pattern, by dotted key."""
 
     trials: tuple[SizingTrial, ...]
     stock: str
@@ -140,8 +138,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     thickness gets its own cut, which is solved again; the next ones follow if necessary.
     If no thickness suffices, the pattern gets more material, then also a smaller spacing. If this does not help, the
     result is the design that comes nearest to the targets.
-    Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails.
-    """
+    Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
     guess = guessed_preset(preset)
     stock, source = _stock(preset, guess.statics.thickness)
@@ -180,8 +177,7 @@ def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
     """Return trials of designs that are cut for their own thickness, and the thinnest sufficient design or None.
-    The trial of this design is the last one.
-    """
+    The trial of this design is the last one."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     start = next((k for k, row in enumerate(rows.trials) if row.worst <= 1), count)
     k = bisect_left(range(count), True, lo=start, key=lambda k: rows.full_trial(k).worst <= 1)
@@ -267,8 +263,7 @@ def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) ->
     """Return the trial of a solved structure.
     row : earlier trial of this thickness, for a sheet that was cut for another thickness. Its buckling factor is used
           if
-          `outcome` has none.
-    """
+          `outcome` has none."""
     targets = design.preset.sizing
     use = outcome.use.value if outcome.use else float("inf") if row else None  # not yet computed in trials of a list
     movement = outcome.movement.share if outcome.movement else float("inf")

@@ -31,8 +31,7 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
     """Return the edges of the sheet by family, then the centre lines of its members, in metres on the middle surface.
     tolerance : largest distance (m) of removed points from the simplified lines. The lengths are those of the full
                 lines.
-    A family has no centre lines if it has no stripes, or if its stripes touch everywhere.
-    """
+    A family has no centre lines if it has no stripes, or if its stripes touch everywhere."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
     lines = edge_lines(sheet, surface, pattern.names, phases)
@@ -51,8 +50,7 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
 
 def stripe_phase(design: Design, k: int) -> Phase:
     """Return the phase of field k, which is a whole number on centre lines; None for a field without stripes.
-    It has values at the vertices (n,), or at corners of faces if a vertex has several values.
-    """
+    It has values at the vertices (n,), or at corners of faces if a vertex has several values."""
     pattern = design.pattern
     field = pattern.fields[k]
     if pattern.names[k] not in STRIPES:
@@ -73,8 +71,7 @@ def design_fields(design: Design) -> dict[str, Floats]:
     family.
     In faces: stress in xyz, principal values of the diffusion tensors times gamma, and the mask of isotropic faces.
 
-    Evenly spaced stripes have no phase, but the distance from the nearest centre line, and lines per metre.
-    """
+    Evenly spaced stripes have no phase, but the distance from the nearest centre line, and lines per metre."""
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
         "force [N]": design.load.force,
@@ -220,8 +217,7 @@ def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
     """Return the preset as it is written into a folder. A mesh file in the folder is named without its path, and curves
     replace references to drawings.
     folder : folder into which a mesh from Python is written.    home : final path of the folder.
-    Raises SurfaceError for a missing drawing.
-    """
+    Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface
     if isinstance(section, MeshSurface):

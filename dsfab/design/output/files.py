@@ -38,8 +38,7 @@ class OpenedSurface(NamedTuple):
     """A one-sided surface, such as a Moebius strip, after a cut along a seam.
     given   : surface before the cut, with n vertices and m faces.    turned : (m,) mask of reversed normals.
     surface : surface after the cut, with more vertices (n') and the same faces in the same order.
-    twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam.
-    """
+    twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam."""
 
     given: Surface
     turned: Bools
@@ -98,8 +97,7 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
     """Return faces (m,) whose normal must be reversed for the shortest seam; None if no seam gives a two-sided piece.
     counts : (m,) cost of a metre of seam beside each face.
-    The seam runs from boundary to boundary. It crosses a path around the one-sided surface an odd number of times.
-    """
+    The seam runs from boundary to boundary. It crosses a path around the one-sided surface an odd number of times."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -132,8 +130,7 @@ def _shortest_path(
 ) -> Ints:
     """Return the edges of the shortest path from node `source` to `target`, in order; (0,) if there is no path.
     Each place has two nodes, one for each side. An edge with `turns` = 1 changes sides.
-    count : number of nodes.
-    """
+    count : number of nodes."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])
@@ -185,8 +182,7 @@ def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: A
     The file of a design is that of `dsfab build` or `dsfab export`. The file of a solid, a sheet or a surface has only
     its mesh.
     options : keywords of `dsfab.export.write`, which replace those of the preset.
-    Raises ExportError if the file cannot be written.
-    """
+    Raises ExportError if the file cannot be written."""
     if not isinstance(item, Design):
         return written(item.surface if isinstance(item, Sheet) else item, path, **options)
     format_of(Path(path))
@@ -207,8 +203,7 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
     """Return the part of a design to write, and keywords for `dsfab.export.write`. suffix : a key of `FORMATS`.
-    The part is the solid, the sheet, or the uncut surface for formats of fields.
-    """
+    The part is the solid, the sheet, or the uncut surface for formats of fields."""
     options, form = design.preset.export, FORMATS[suffix]
     if isinstance(form, MemberFormat):
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
@@ -325,8 +320,7 @@ def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Str
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
     """Return a sheet together with its surface, for a smooth STEP file. A one-sided surface is first cut along a seam.
-    thickness : metres, a number or a value for each vertex (n,).
-    """
+    thickness : metres, a number or a value for each vertex (n,)."""
     offset, opening, twins = offsets(surface, thickness, side), opened_surface(surface, sheet), NO_PAIRS
     D = offset.D
     if opening:

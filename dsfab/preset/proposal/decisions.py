@@ -97,8 +97,7 @@ def preset_for(
     material : a name that `dsfab materials` lists. Default: GL24h, or PLA for surfaces smaller than 3 m.
     wishes   : supports and loads that the user wants.
     Raises SurfaceError for an invalid mesh or axis. Raises PresetError for an unknown material, for a surface without a
-    plausible support, and for wishes that cannot be fulfilled.
-    """
+    plausible support, and for wishes that cannot be fulfilled."""
     proposal = propose(mesh, unit, up, material, wishes=wishes)
     return proposal.preset.with_thickness(proposal.plan.size.thickness)
 
@@ -114,8 +113,7 @@ def propose(
 ) -> Proposal:
     """Return the proposal with its text and decisions; see `preset_for`.
     max_triangles : largest number of triangles in a mesh file.
-    raw           : content of the file, if the caller has read it.
-    """
+    raw           : content of the file, if the caller has read it."""
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):

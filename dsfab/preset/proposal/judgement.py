@@ -6,8 +6,7 @@ form    : 0 to 1, from the shape alone (see `readings`).
 carries : 1 / (1 + u^2). u is the larger of two ratios under the weight and the usual load: movement to `LIMIT` times
           the span, and stress to strength.
 steady  : 1 if the centre of mass is well inside the supports; less if the sheet would tip, or lift from a support.
-free    : 1 if no edge is supported, 1 - `EDGE` if all edges are.
-"""
+free    : 1 if no edge is supported, 1 - `EDGE` if all edges are."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -101,8 +100,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
 
 def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
     """Return 1 if the centre of mass is well inside the supports; less if the sheet would tip, swing or lift.
-    upward  : reaction at each place, newtons.    is_line : True for one long support, which can be clamped.
-    """
+    upward  : reaction at each place, newtons.    is_line : True for one long support, which can be clamped."""
     if reading.kind in ("wall", "floor"):
         return 1.0
     if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
@@ -155,8 +153,7 @@ def usual_unit(unit: str, size: float) -> float:
 def likely_units(shape: Shape) -> list[tuple[str, float]]:
     """Return pairs (unit, probability), the most probable first, for a shape whose coordinates are those in its file.
     The probabilities follow from usual sizes of buildings. A shape that reaches the ground must be high enough for
-    people.
-    """
+    people."""
     V = shape.surface.V
     size, plan = float(np.ptp(V, axis=0).max()), V[:, :2] - V[:, :2].mean(axis=0)
     narrow = np.ptp(plan @ np.linalg.svd(plan, full_matrices=False)[2].T, axis=0).min()
@@ -172,8 +169,7 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
 @dataclass(frozen=True, eq=False)
 class SupportChoice:
     """The ways of support of a surface with their scores, the best first.
-    unit  : unit of the surface.    units : probability of each unit; empty if the unit is known.
-    """
+    unit  : unit of the surface.    units : probability of each unit; empty if the unit is known."""
 
     ranking: tuple[JudgedReading, ...]
     unit: str
@@ -218,8 +214,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
     axes    : possible vertical axes, each with a factor on its scores.
     unit    : unit, or "" if unknown.
     stand   : name of a way of support (--stand), a height in metres, or "" for the best way.
-    Raises PresetError if no way of support has this name.
-    """
+    Raises PresetError if no way of support has this name."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
     size = float(np.ptp(coarse.V, axis=0).max())
     shapes = {up: Shape(Surface(upright_vertices(coarse.V, up), coarse.F)) for up in axes}
@@ -243,8 +238,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
     """Return readings with their scores, the best first. Readings with a low form are left out, because statics can
     only
-    reduce their score.
-    """
+    reduce their score."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form

@@ -28,8 +28,7 @@ class MeshWishes:
     """The user's choices for a surface, which replace dsfab's own choices.
     stand    : name of a way of support (feet, edge ...), a height (m) below which the edge is supported, or "".
     built_in : True if the supports are clamped.
-    loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2".
-    """
+    loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2"."""
 
     stand: str = ""
     built_in: bool = False
@@ -37,8 +36,7 @@ class MeshWishes:
 
     def pressures(self, kind: str, is_model: bool) -> dict[str, float]:
         """Return the pressures (Pa) of the loads by name, without the weight. A printed model has no loads by default.
-        Raises PresetError for an unknown load, and for a value that is not a positive number.
-        """
+        Raises PresetError for an unknown load, and for a value that is not a positive number."""
         if not self.loads:
             usual = None if is_model else USUAL_LOAD.get(kind)
             return {usual: PRESSURE[usual]} if usual else {}

@@ -45,8 +45,7 @@ def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) 
     """Return the possible vertical axes of a surface, each with a factor on its scores (see `choice`).
     suffix : suffix of the file, with the dot.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
-    The axis -y is possible only if the surface reaches below y = 0. A sculpture gets only its most stable axis.
-    """
+    The axis -y is possible only if the surface reaches below y = 0. A sculpture gets only its most stable axis."""
     y = Y_UP**2 if suffix.lower() in MOSTLY_Z else Y_UP
     if usual == "z" or suffix.lower() in Z_UP:
         return {"z": 1.0}
@@ -74,8 +73,7 @@ def _stability(V: Floats, surface: Surface) -> float:
     """Return the distance from the centre of mass to the edge of the base, divided by the root of the surface's area.
     It is
     limited to -0.2 (the sculpture falls over) and 0.4.
-    V : (n, 3) vertices with z up.
-    """
+    V : (n, 3) vertices with z up."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     depth = depth_within(base_points, middle)
@@ -99,8 +97,7 @@ class Decision:
     """A decision of dsfab for the user's preset.
     topic  : one or two words.
     choice : the chosen value, with its reason.
-    change : key of the preset or option of the command for another choice.
-    """
+    change : key of the preset or option of the command for another choice."""
 
     topic: str
     choice: str
@@ -111,8 +108,7 @@ class Decision:
 class UserMesh:
     """The user's mesh as a surface (metres, z up), with its keys in [surface].
     choice   : chosen unit, axis and supports.    places : the supports, in coordinates of `surface`.
-    repaired : a sentence for each repair of the mesh.
-    """
+    repaired : a sentence for each repair of the mesh."""
 
     surface: Surface
     name: str
@@ -135,8 +131,7 @@ def mesh_in_file(
     unit, up : unit and vertical axis; None lets dsfab choose.
     max_triangles : largest number of triangles.    raw : content of the file, if the caller has read it.
     stand    : supports that the user wants, see `choice`.
-    Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair.
-    """
+    Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair."""
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES, unit)
     finite_faces(path, raw)
     scan, usual = is_scan(raw.V, raw.F), unit or unit_guess(raw)

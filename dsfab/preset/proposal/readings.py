@@ -31,8 +31,7 @@ class SupportPlace:
     name   : text for the user.    points : (k, 3) points along the free edge or on the surface, metres.
     length : length of free edge (m), 0 inside the sheet.    is_loop : True for a whole closed edge.
     loop   : number of the closed edge; None if another edge has nearly the same length.
-    radius : radius of a disc inside the sheet, metres.
-    """
+    radius : radius of a disc inside the sheet, metres."""
 
     name: str
     points: Floats

@@ -63,8 +63,7 @@ class Edge:
     """A closed free edge (boundary loop), or a part of it.
     loop   : number of the boundary loop of the coarse surface.
     points : (k, 3) points in equal steps along the edge, metres. A closed edge does not repeat its first point.
-    closed : True for a whole loop.
-    """
+    closed : True for a whole loop."""
 
     loop: int
     points: Floats
@@ -112,8 +111,7 @@ class Edge:
     def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
         """Yield low parts of a closed edge, each with its depth (m) below the neighbouring parts.
         height   : height of the surface, metres.
-        shortest : smallest length of a part, metres. A shorter part is extended, first on its lower side.
-        """
+        shortest : smallest length of a part, metres. A shorter part is extended, first on its lower side."""
         z, n, step = self.z, len(self.points), self.length / len(self.points)
         tops, facts = find_peaks(-np.tile(z, 3), prominence=DEPTH * height, plateau_size=(None, None))
         for top, depth in zip((tops - n).tolist(), facts["prominences"].tolist(), strict=True):
@@ -129,8 +127,7 @@ class Edge:
         """Return the points of a closed edge where its direction changes most, by at least `CORNER`. There is no
         corner where
         the edge is straight in plan, as on a folded roof.
-        arm : length (m) on each side of a point that gives the direction.
-        """
+        arm : length (m) on each side of a point that gives the direction."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
         before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points
         long = lengths(before) * lengths(after) + 1e-12
@@ -305,8 +302,7 @@ class Shape:
     @cached_property
     def is_deck(self) -> bool:
         """True for a strip with level ends that people can walk on.
-        The largest slope is 40 degrees (stairs) if the strip climbs from end to end, else 25 degrees (a ramp).
-        """
+        The largest slope is 40 degrees (stairs) if the strip climbs from end to end, else 25 degrees (a ramp)."""
         climb = abs(float(np.subtract(*(end.z.mean() for end in self.sides[::2])))) if self.sides else 0.0
         walkable = np.abs(self.surface.normals[:, 2]) > np.cos(np.radians(40.0 if climb > 0.9 * self.rise else 25.0))
         share = float(self.surface.areas[walkable].sum() / self.surface.area)

@@ -17,8 +17,7 @@ SLENDER = {"steel": 200, "timber": 100}  # Ratio of span to thickness, by materi
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
 """Smallest ratio of the span to the shorter side of the plan for which the span governs the thickness. A square roof on
-its corners has a ratio of 1.41.
-"""
+its corners has a ratio of 1.41."""
 THICKEST = 1 / 5  # Largest thickness for a long span, divided by the spacing.
 MODEL = 3.0  # Smaller surfaces, in metres, count as printed models.
 
@@ -29,8 +28,7 @@ class Sizes:
     edge    : edge length of the mesh; 0 if the user's mesh does not change.
     own     : mean edge length of the user's mesh.
     span    : shorter side of the plan (see `shorter_side`), or the far smaller span of a roof.
-    bridged : span between the supports if it is far longer than the shorter side of the plan, else 0.
-    """
+    bridged : span between the supports if it is far longer than the shorter side of the plan, else 0."""
 
     span: float
     spacing: float
@@ -58,8 +56,7 @@ class Sizes:
         the shorter side, as around a courtyard, all sizes follow from the span. If the span is far larger, the spacing
         is
         larger. The thickness is then 1.1 times that for the geometric mean of span and side, because clamped ends bend
-        most.
-        """
+        most."""
         if is_figure(surface) or not feet:
             return self
         distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
@@ -91,8 +88,7 @@ class Sizes:
 
 def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> Sizes:
     """Return the sizes for a surface with z up.
-    material : default: GL24h, or PLA for a printed model.    span : metres; 0 for the shorter side of the plan.
-    """
+    material : default: GL24h, or PLA for a printed model.    span : metres; 0 for the shorter side of the plan."""
     figure = is_figure(surface)
     span = span or shorter_side(surface)
     square = float(np.sqrt(surface.area))

@@ -24,8 +24,7 @@ class ProposedValues:
     """Values of a proposed preset.
     stands   : the supports.    built_in : True if the supports are clamped.
     loads    : pressures (Pa) of the loads by name, without the weight.
-    marks    : marks in the file, by layer.
-    """
+    marks    : marks in the file, by layer."""
 
     size: Sizes
     stands: tuple[SupportPlace, ...]

@@ -41,8 +41,7 @@ class ComparisonTask:
     preset    : preset with the modes and phases of the design.    area : area of the material, m2.
     frequency : frequencies of the major and the minor stripes. Evenly spaced stripes are converted to stripes on the
                 first mode with the same spacing.
-    even      : evenly spaced stripes of the design; None for stripes on modes.
-    """
+    even      : evenly spaced stripes of the design; None for stripes on modes."""
 
     preset: Preset
     surface: Surface
@@ -128,8 +127,7 @@ class ComparisonTask:
 class Structure:
     """A structure to judge.
     cells  : all cells, material and void.        names : names of the fields of the cut, see `cut`.
-    sheet  : material without loose pieces.       pieces : number of pieces of `sheet`.      thickness : metres.
-    """
+    sheet  : material without loose pieces.       pieces : number of pieces of `sheet`.      thickness : metres."""
 
     cells: Sheet
     names: tuple[str, ...]
@@ -177,8 +175,7 @@ Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
     """Return the structure whose sheet has the area of the task. Wider stripes replace the material of loose pieces.
-    If no width gives the area, a smaller `slicing.snap` is tried. Raises PatternError if this fails, too.
-    """
+    If no width gives the area, a smaller `slicing.snap` is tried. Raises PatternError if this fails, too."""
     try:
         return _structure_of_area(task, drawing)
     except PatternError:
@@ -229,8 +226,7 @@ def striped_structure(
 
 def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[DrawableFamily]) -> Structure:
     """Return the structure of families of stripes with the task's area and with widths by the preset's rule.
-    Dead ends are removed only if the preset requests it.
-    """
+    Dead ends are removed only if the preset requests it."""
     task, factor = replace(task, preset=preset), 0.0
 
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:

@@ -19,8 +19,7 @@ from dsfab.surface import LoadCase, Surface
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
     """Return weights (m, m) between faces whose centroids are at most `radius` metres apart [Sigmund 2007].
-    A weight is A_f (radius - distance), where A_f is the area of face f. Each row is scaled to the sum 1.
-    """
+    A weight is A_f (radius - distance), where A_f is the area of face f. Each row is scaled to the sum 1."""
     i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
     diagonal = np.arange(surface.m)
@@ -34,8 +33,7 @@ def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> 
     """Return filtered sensitivities (m,): sum_f H_ef x_f s_f / max(x_e, 0.001) [Andreassen et al. 2011, eq. 11].
     H : (m, m) weights of `face_filter`.
     density : (m,) densities x.
-    sensitivity : (m,) sensitivities s per area of the face [Sigmund 1997].
-    """
+    sensitivity : (m,) sensitivities s per area of the face [Sigmund 1997]."""
     return np.asarray(H @ (density * sensitivity) / np.maximum(density, 1e-3))
 
 
@@ -50,8 +48,7 @@ class Simp:
     void         : stiffness of an empty face divided by that of a full face.
     move         : largest change of a density in one iteration.
     change       : iterations end if no density changes by more than this value.
-    Raises StaticsError for values out of range.
-    """
+    Raises StaticsError for values out of range."""
 
     radius: float = 0.0
     iterations: int = 30
@@ -92,8 +89,7 @@ class Simp:
 class Densities:
     """Result of SIMP.
     density : (m,) densities, 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
-    history : (iterations,) compliance (J) before each iteration.
-    """
+    history : (iterations,) compliance (J) before each iteration."""
 
     density: Floats
     history: Floats
@@ -111,8 +107,7 @@ class Densities:
 
     def grey(self, surface: Surface) -> float:
         """Return the share of the area with a density from 0.1 to 0.9, which is neither void nor material. The share is
-        large where the two principal stresses are equal and opposite, because ribs bring no gain there.
-        """
+        large where the two principal stresses are equal and opposite, because ribs bring no gain there."""
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
@@ -128,8 +123,7 @@ def densities(
     The method is that of top88 [Andreassen et al. 2011]. A density scales membrane and bending stiffness equally.
     area    : sum of density times face area, m2.
     solid   : (m,) mask of faces that stay material.     weights : weight of each load's compliance, default 1.
-    Raises StaticsError without supports, for less area than the solid faces have, and for the whole surface.
-    """
+    Raises StaticsError without supports, for less area than the solid faces have, and for the whole surface."""
     options, surface = options or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
     share = _start_density(surface, area, solid)
@@ -170,8 +164,7 @@ def simp(task: ComparisonTask) -> list[Variant]:
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
     """Return the task without the preset's rim, and with discs of the filter's radius around loads and supports.
-    The rim would use most of the material.
-    """
+    The rim would use most of the material."""
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
 

@@ -1,7 +1,6 @@
 """Check of an exported file by independent readers.
 
-`check_file` reads and measures a file. With a design, it also compares the surface and the compliance.
-"""
+`check_file` reads and measures a file. With a design, it also compares the surface and the compliance."""
 
 import tempfile
 from collections.abc import Callable
@@ -52,8 +51,7 @@ class Finding:
 class FileCheck:
     """Result of the check of a file.
     clearances : walls and gaps; None for a file that is not closed.       density : kg/m3, 0 if unknown.
-    distance, carrying : comparison with the design; None if it was not made. `findings` state the reason.
-    """
+    distance, carrying : comparison with the design; None if it was not made. `findings` state the reason."""
 
     path: Path
     found: FileContents
@@ -88,8 +86,7 @@ def check_file(
     unit    : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
     solid   : True to compare the compliance of a solid model. It takes longest and needs dsfab[solid].
     max_triangles : largest number of triangles in an STL or 3MF file.
-    Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`).
-    """
+    Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`)."""
     if progress:
         progress("read", f"reading {Path(path).name}")
     contents = read_shipped(path, unit, max_triangles, deflection_for(design.preset) if design else 0.0)
@@ -106,8 +103,7 @@ def check_contents(
 ) -> FileCheck:
     """Check the contents of a file like `check_file`.
     contents : for a comparison with a design, read with the deflection `deflection_for(preset)`.
-    unit_given : True if the user named the unit of the file's numbers.
-    """
+    unit_given : True if the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
     sound = _file_soundness(contents, tell)

@@ -38,8 +38,7 @@ class FileContents:
     metres  : length of the unit, metres.                   collapsed : number of triangles with equal corners.
     reader  : name of the reader.        path : path of the file.
     deflection : largest distance (m) of triangles from their curved STEP faces; else 0.
-    shape   : STEP shape in OCCT's binary form; else empty.      face : (m,) STEP face of each triangle.
-    """
+    shape   : STEP shape in OCCT's binary form; else empty.      face : (m,) STEP face of each triangle."""
 
     path: Path
     V: Floats
@@ -72,8 +71,7 @@ def read_shipped(
     max_triangles : largest number of triangles in an STL or 3MF file.
     deflection : largest distance (m) of triangles from their curved STEP faces; 0 is the reader's default.
     Raises SurfaceError or ExportError for a missing, empty or unreadable file, or for coordinates that are not finite.
-    Raises ExportError for `unit` if the file is not STL.
-    """
+    Raises ExportError for `unit` if the file is not STL."""
     path = Path(path)
     suffix = path.suffix.lower()
     if path.is_dir():
@@ -153,8 +151,7 @@ def clearances(V: Floats, F: Ints) -> Clearances:
     The width of a member also counts as a wall.
     Rays start on each face: inwards for walls, outwards for gaps. A hit counts if the two faces are parallel within 20
     degrees. The distance is measured from the start of the ray to the plane of the hit face.
-    Sides of a tip or a notch, coplanar parts that meet in a point, and very thin triangles do not count.
-    """
+    Sides of a tip or a notch, coplanar parts that meet in a point, and very thin triangles do not count."""
     N, has_normal = _normals(V, F)
     face = np.flatnonzero(has_normal)
     corners = V[F[face]]
@@ -200,8 +197,7 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
 """Probable true unit of a file that was read in millimetres. The key is the size of the file divided by that of the
-design.
-"""
+design."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,8 +208,7 @@ class Distance:
     from_design : largest distance from the design's solid to the file's surface: missing parts or a shift.
     beyond    : largest difference between a distance and its allowance; at most 0 if the file is within the allowance.
     allowed   : allowance at the place of `beyond`.
-    scale     : diagonal of the file's bounding box divided by that of the design.
-    """
+    scale     : diagonal of the file's bounding box divided by that of the design."""
 
     skin: float
     skin_place: Floats
@@ -253,8 +248,7 @@ class Allowance:
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
         """Return the allowance of a file. STL and 3MF must fit exactly; planar faces of STEP may be simplified. For
         curved
-        faces, the chord error of the design's mesh and `contents.deflection` are added.
-        """
+        faces, the chord error of the design's mesh and `contents.deflection` are added."""
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)

@@ -4,8 +4,7 @@
 
 IN contains `edge`, the longest edge, and either V (n, 3) and F (m, 3) or the path `step`.
 OUT gets X (p, 3) and T (k, 4).
-The program imports nothing from dsfab, because the licence of gmsh is GPL-2 or later.
-"""
+The program imports nothing from dsfab, because the licence of gmsh is GPL-2 or later."""
 
 import sys
 from pathlib import Path

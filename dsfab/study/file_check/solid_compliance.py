@@ -52,8 +52,7 @@ def missing_packages() -> str:
 def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
     """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
     gmsh meshes STEP files itself. Other files keep their triangles, but long edges are halved.
-    Raises StaticsError if gmsh fails, takes too long, or changes the volume.
-    """
+    Raises StaticsError if gmsh fails, takes too long, or changes the volume."""
     volume = Surface(contents.V, contents.F).volume
     if contents.path.suffix.lower() in STEP:
         X, T = _run_gmsh({"step": str(contents.path.resolve()), "edge": edge})
@@ -132,8 +131,7 @@ class SolidModel:
     def interpolation(self, points: Floats, reach: float) -> csr_array:
         """Return the matrix (3 k, N) that maps the N unknowns to displacements at k points.
         points : (k, 3) metres.    reach : largest distance of a point from the solid, metres.
-        Raises StaticsError for points farther away.
-        """
+        Raises StaticsError for points farther away."""
         from skfem import ElementTetP2
 
         tet, local = self._locate(points, reach)
@@ -146,8 +144,7 @@ class SolidModel:
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
         """Return the tetrahedron (k,) that contains each point, and the point's coordinates (3, k) in it.
-        Points outside of the solid get a tetrahedron nearby.
-        """
+        Points outside of the solid get a tetrahedron nearby."""
         candidates = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
         P = self.mesh.X[self.mesh.T[candidates]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
@@ -168,8 +165,7 @@ class SolidModel:
 
 def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
     """Return the stiffness matrix, and the numbers (30, k) of the unknowns of k tetrahedra.
-    at_once : number of tetrahedra in one step, which limits the memory.
-    """
+    at_once : number of tetrahedra in one step, which limits the memory."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -189,8 +185,7 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
 @dataclass(frozen=True, eq=False)
 class Holding:
     """Supports of a model as r springs. Each spring acts on a linear combination of the N unknowns.
-    rows : (r, N) coefficients of the combinations.     stiffness : (r,) N/m; very large for a rigid support.
-    """
+    rows : (r, N) coefficients of the combinations.     stiffness : (r,) N/m; very large for a rigid support."""
 
     rows: csr_array
     stiffness: Floats
@@ -215,8 +210,7 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
 
 EDGE = 1.0
 """Longest edge on the solid's surface, divided by the thickness. With a value of 2, compliances were up to 5 % too
-small.
-"""
+small."""
 COARSE = 1 / 100  # smallest `edge` divided by the solid's size; smaller ones give millions of tetrahedra
 RIGID = 1e3  # stiffness of a rigid support's spring, divided by Young's modulus times the thickness
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
@@ -227,8 +221,7 @@ GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 class SolidCompliance:
     """Compliances (J) of the cut sheet (`shell`) and of the file (`solid`), under the loads that the pattern follows.
     tetrahedra : number of tetrahedra in the solid model.    unknowns : number of unknowns.
-    edge       : longest edge on the surface of the solid model, metres.    elements : elements of the shell.
-    """
+    edge       : longest edge on the surface of the solid model, metres.    elements : elements of the shell."""
 
     shell: float
     solid: float
@@ -248,8 +241,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
     edge : longest edge on the surface of the solid model, metres; default: see `EDGE` and `COARSE`.
 
     The loads and supports of the cut sheet act on the mean displacement through the thickness.
-    Raises StaticsError if gmsh or the solver fails.
-    """
+    Raises StaticsError if gmsh or the solver fails."""
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness
     longest = edge or max(EDGE * t, COARSE * contents.size)
@@ -270,8 +262,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
     """Points of a sheet in a solid with a thickness (m).
-    shift : distance from the sheet to the middle of the solid, as a multiple (-1, 0, 1) of half the thickness.
-    """
+    shift : distance from the sheet to the middle of the solid, as a multiple (-1, 0, 1) of half the thickness."""
 
     model: SolidModel
     sheet: Surface
@@ -280,8 +271,7 @@ class SupportPoints:
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
         """Return the matrix (3 k, N) that maps the N unknowns to mean displacements through the thickness at k
-        places.
-        """
+        places."""
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
@@ -300,8 +290,7 @@ class SupportPoints:
 
     def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
         """Return places (k, 3) on marked edges, the normals of the faces there, and the vectors of the edges.
-        The distance between places is at most half a thickness, so that the solid cannot move between them.
-        """
+        The distance between places is at most half a thickness, so that the solid cannot move between them."""
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)

@@ -26,8 +26,7 @@ class NonlinearCheck:
     load, u   : (k,) load factors of the path, and (k,) largest displacements, metres.
     triangles : number of wedges, one for each triangle of the sheet.
     edge      : edge length (m) if the surface was cut again for this check; else 0.
-    minutes   : time limit that ended the path; else 0.
-    """
+    minutes   : time limit that ended the path; else 0."""
 
     case: str
     linear: float
@@ -69,8 +68,7 @@ def nonlinear_check(
     case         : case or combination; default: the first combination, or else the first case.
     imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
     edge         : edge length (m) of the mesh for the check, or 0: see `without_fillets`.
-    Raises StaticsError for springs, a time of 0, loads without support, and if CalculiX is missing or fails.
-    """
+    Raises StaticsError for springs, a time of 0, loads without support, and if CalculiX is missing or fails."""
     if not minutes > 0:
         raise StaticsError(f"the time limit of {minutes:g} minutes is not positive; give --minutes 60, or more")
     require_ccx()
@@ -99,8 +97,7 @@ def nonlinear_check(
 def without_fillets(design: Design, edge: float | None, progress: Progress) -> Design:
     """Return the design without fillets in the corners of openings. This halves the mesh, and hardly changes buckling.
     edge : smallest edge length (m) of the surface; 0 returns the design itself.
-    Raises StaticsError for an edge that is negative or longer than the surface.
-    """
+    Raises StaticsError for an edge that is negative or longer than the surface."""
     if edge is not None and not 0 <= edge < design.surface.size:
         raise StaticsError(
             f"the edge length {edge:g} m is negative or longer than the surface; give metres, such as 0.5, or 0"
@@ -147,8 +144,7 @@ def solid_check(
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
     """Return the load factors around the step with the largest displacement per load. Return None if the displacement
     per
-    load is similar in all steps, or if the factors differ by less than 2 %.
-    """
+    load is similar in all steps, or if the factors differ by less than 2 %."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
@@ -158,8 +154,7 @@ def softest_range(path: LoadPath) -> tuple[float, float] | None:
 def limit_of(path: LoadPath) -> tuple[int, bool]:
     """Return the number of the last step that the structure bears, and True if it fails in the next step.
     A step fails if its displacement per load is over 100 times that of the first step. It also fails in a snap, see
-    `JUMP` and `CANDIDATE`. A path that ends before its last load is a failure, unless the time limit ended it.
-    """
+    `JUMP` and `CANDIDATE`. A path that ends before its last load is a failure, unless the time limit ended it."""
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
     soft = np.flatnonzero((moves > 100) | np.concatenate([[False], jump]))
@@ -170,8 +165,7 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 def last_point(path: LoadPath) -> int | None:
     """Return the number of the point at which a path may stop, or None. This is the end of a snap, or a point at which
-    CalculiX only halves its steps: a step of less than 2.5 % of the load failed there.
-    """
+    CalculiX only halves its steps: a step of less than 2.5 % of the load failed there."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:

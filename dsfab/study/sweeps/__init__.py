@@ -43,8 +43,7 @@ def sweep(
     keep    : function of the changes and the Design of each successful run, e.g. to write files.
     Runs reuse stages of earlier runs. A design that cannot be built gives a Run with its error. For many processes, or
     to continue after a stop, use the command `dsfab sweep`.
-    Raises PresetError for invalid keys, metrics or values, before anything is built.
-    """
+    Raises PresetError for invalid keys, metrics or values, before anything is built."""
     measured = _metrics(metrics)
     listed = list(combinations(vary))
     presets = [with_overrides(preset, changes) for changes in listed]

@@ -30,8 +30,7 @@ NAME = "coordinator.lock"
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
     """Lock a sweep folder, so that one process coordinates the sweep. The system unlocks it when the process ends.
-    Raises DsfabError for a locked folder.
-    """
+    Raises DsfabError for a locked folder."""
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
     try:
@@ -262,8 +261,7 @@ def prepare(
     """Create or update the folder of a plan and record its runs. Call this function inside `only_coordinator`.
     checked : result of `checked_plan`, if the caller has it.
     extend  : True if a changed plan may add runs. New metrics or kept files repeat all runs.
-    Raises DsfabError for a changed plan without `extend`, and PresetError for invalid keys and values.
-    """
+    Raises DsfabError for a changed plan without `extend`, and PresetError for invalid keys and values."""
     preset, runs = checked_plan(plan) if checked is None else checked
     settled = _portable_plan(plan, runs)
     texts = {"plan": plan_toml(settled), "preset": preset_toml(preset)}

@@ -101,8 +101,7 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Return nested tables as one table with dotted keys. Ranges (tables with the key `from`), empty tables, and tables
-    whose own key has dots stay tables.
-    """
+    whose own key has dots stay tables."""
     entries: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
@@ -343,8 +342,7 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 def plan_toml(plan: Plan) -> str:
     """Return the complete plan, with defaults, as TOML. Varied keys keep their order, because run numbers depend on
-    it.
-    """
+    it."""
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
     lines = [_line(key, value) for key, value in vary.items()]

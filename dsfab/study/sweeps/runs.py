@@ -32,8 +32,7 @@ def points(plan: Plan) -> list[Changes]:
     """Return the changes of each run, without repetition. `plan.sampling` is a grid, a CSV file, or one of:
     sobol : scrambled Sobol points. A larger set begins with the points of a smaller one, so a sweep can be extended.
     lhs   : Latin hypercube [McKay, Beckman, Conover 1979]. Another number of points gives other points.
-    Raises PresetError for more than `MOST` points, and for a CSV file that cannot be read.
-    """
+    Raises PresetError for more than `MOST` points, and for a CSV file that cannot be read."""
     kind, _, rest = plan.sampling.partition(":")
     if kind == "csv":
         runs: Iterator[Changes] = from_csv(Path(rest))
@@ -104,8 +103,7 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 def from_csv(path: Path) -> Iterator[Changes]:
     """Yield the changes of each row in a CSV file. Each column is a dotted key, with values as after --set.
     If columns begin with 'in:', only these columns are used.
-    Raises PresetError for a file that has no rows or cannot be read.
-    """
+    Raises PresetError for a file that has no rows or cannot be read."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -321,8 +319,7 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 FEWEST, PER_AXIS = 12, 4
 """Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. The number of
-evaluations has no influence, so that a search can be extended.
-"""
+evaluations has no influence, so that a search can be extended."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
 """Smallest costs of runs that miss constraints, failed, or were not made; nearer to a limit costs less [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
@@ -336,8 +333,7 @@ def search(plan: Plan, make: Make) -> None:
 
 def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
     """Return the cost of a run: the logarithm of the metric, with a minus sign if more is better. A run that failed or
-    misses a constraint costs at least `MISSED`.
-    """
+    misses a constraint costs at least `MISSED`."""
     if row is None:
         return NOT_MADE
     value = row.metrics.get(metric, float("nan"))

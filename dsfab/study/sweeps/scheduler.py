@@ -57,8 +57,7 @@ def conduct(
     report   : function that receives the progress, before the first run and after each run.
     progress : progress of the whole sweep; default: counted from the recorded runs.
     Raises DsfabError if nothing can be written, or if no worker appears. Unfinished runs are then still recorded as
-    running.
-    """
+    running."""
     _Scheduler(store, crew, runs, deliver, report, progress or current_progress(store)).run()
 
 

@@ -33,8 +33,7 @@ class Job:
     """Data that all runs of a sweep need, in a form that can be sent to workers.
     token   : text that identifies the job.    preset : the base preset as nested tables.
     metrics, keep, formats : see `Plan`.       draw : function that draws a picture, or None.
-    mesh    : content of the mesh file, for workers that cannot read the file; else None.
-    """
+    mesh    : content of the mesh file, for workers that cannot read the file; else None."""
 
     token: str
     preset: Mapping[str, Any]
@@ -49,8 +48,7 @@ class Job:
 class Outcome:
     """Result of a run: its metrics, its error ('' for success) and log, and files by name.
     seconds : time on the worker.    peak : peak memory of the worker's process, bytes (0 if unknown).
-    killed  : True if the system killed the worker at each attempt. The design may still be sound.
-    """
+    killed  : True if the system killed the worker at each attempt. The design may still be sound."""
 
     number: int
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -191,8 +189,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 class LocalWorkers:
     """Worker processes on this machine. Each has its own pool, so that a killed worker stops no other worker.
-    workers : number of workers; default: as many as fit into memory.
-    """
+    workers : number of workers; default: as many as fit into memory."""
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
         self._job, self._asked = job, workers
@@ -317,8 +314,7 @@ SECONDS = 20  # time limit for the answer of a Dask scheduler
 class DaskWorkers:
     """Workers of a Dask scheduler, including workers that join later. If a worker dies, Dask gives its run to another
     worker. Each worker should have one thread (`dask worker --nthreads 1`), because it makes one run at a time.
-    Raises DsfabError if dask is not installed or the scheduler does not answer.
-    """
+    Raises DsfabError if dask is not installed or the scheduler does not answer."""
 
     def __init__(self, job: Job, scheduler: str) -> None:
         try:
@@ -374,8 +370,7 @@ def map_in_processes(
 ) -> Iterator[Result]:
     """Yield job(item) for each item in order. Raises DsfabError if a process dies.
     workers : number of processes with one thread each; 1 for the current process.
-    work    : expected duration of an item in any unit. Long items start first.
-    """
+    work    : expected duration of an item in any unit. Long items start first."""
     if workers == 1:
         yield from map(job, items)
         return

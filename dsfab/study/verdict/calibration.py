@@ -42,8 +42,7 @@ class TrialRow:
     quick        : compliance (J) by hybrid + hhj elements on the unrefined cut mesh.
     midedge      : compliance (J) by quadratic + midedge elements on the first mesh of the verdict.
     compliance   : compliance (J) by quadratic + hhj elements on each mesh.
-    recovery     : sum of `Level.zz_membrane` and `Level.zz_bending` on each mesh.
-    """
+    recovery     : sum of `Level.zz_membrane` and `Level.zz_bending` on each mesh."""
 
     kind: str
     seed: int
@@ -109,8 +108,7 @@ class Summary:
     designs      : number of designs.     converged : number of converged designs.
     inside       : share of designs whose error is within the bound.     median_bound : median of all bounds.
     largest_error : largest error of the verdict.
-    quick_median, quick_most : median and 90 % quantile of the errors of `quick`.
-    """
+    quick_median, quick_most : median and 90 % quantile of the errors of `quick`."""
 
     designs: int
     inside: float
@@ -236,8 +234,7 @@ def random_design(kind: str, seed: int) -> Design:
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
     """Return the results of a random design on up to `count` meshes. Large designs whose verdict needs two meshes get
     no
-    fourth mesh. Raises DsfabError if the design cannot be built or does not carry its loads.
-    """
+    fourth mesh. Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())
@@ -277,8 +274,7 @@ def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *p
 
 def calibrate(count: int = 8, report: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
     """Yield the rows of the first `count` designs of each kind that can be built. This takes a quarter of an hour.
-    report : function that receives the kind and the seed before each design.
-    """
+    report : function that receives the kind and the seed before each design."""
     for kind in KINDS:
         seed = solved = 0
         while solved < count:

@@ -31,8 +31,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
                about halves it.
     recovery : recovery error of the finest mesh, see `Level.zz_membrane`.
     With three meshes, the value is the mean of two extrapolations: by `EXTRAPOLATION_DIVISOR` and by
-    `limit_at_own_rate`.
-    """
+    `limit_at_own_rate`."""
     of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest that suffice for calibration.csv
     if len(values) < 2:
         # for 19 of 20 designs, the factor 1.7 suffices
@@ -56,16 +55,14 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
 WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for which two meshes suffice
 STEP_RATIOS = (1.5, 4.0)
 """Smallest and largest ratio of successive differences between meshes, for an extrapolation. Below the smallest ratio,
-the differences do not decrease clearly.
-"""
+the differences do not decrease clearly."""
 
 
 @dataclass(frozen=True)
 class ModeEstimate:
     """Lowest buckling factor, or lowest frequency (Hz).
     bound : largest error, divided by the value; inf for one mesh.
-    ratio : first difference between successive meshes divided by the second one; None without three meshes.
-    """
+    ratio : first difference between successive meshes divided by the second one; None without three meshes."""
 
     value: float
     bound: float
@@ -86,8 +83,7 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     the
     value is extrapolated by the ratio of the steps, and the bound is the extrapolated part. Two kinds of steps give the
     value of the finest mesh. For steps with opposite signs, the bound is twice the last step. For steps that do not
-    decrease, the bound is twice the larger step. Only mesh errors are covered.
-    """
+    decrease, the bound is twice the larger step. Only mesh errors are covered."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -110,8 +106,7 @@ REENTRANT_ANGLE = np.radians(30)  # smallest excess of the angle at a reentrant 
 class Extreme:
     """Largest `value` of a quantity, its `place` (m), and the value that 99 % of the area does not exceed (`quantile`).
     away : largest stress farther than a rib's width from corners, where the stress grows with each refinement. None for
-           other quantities, or if no face is so far away.
-    """
+           other quantities, or if no face is so far away."""
 
     value: float
     place: tuple[float, float, float]
@@ -127,8 +122,7 @@ class Extreme:
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
     """Return extremes (Pa) of `stress` (von Mises), `tension` and `compression` (principal stresses, at least 0).
     supported : (n,) mask of supported vertices.
-    In each face, the largest value of both sides and the middle of the sheet counts.
-    """
+    In each face, the largest value of both sides and the middle of the sheet counts."""
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
         "stress": stress.largest,

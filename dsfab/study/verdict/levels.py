@@ -37,8 +37,7 @@ from dsfab.surface import LoadCase, Surface
 class Shares(NamedTuple):
     """Forces of a load on a cut sheet, newtons, by places on the uncut surface. They do not depend on the cut mesh.
     vertices : (n, 3) forces on the material around each vertex of the uncut surface.
-    faces    : (p, 3) forces on the material in each uncut face, up to the last face with material.
-    """
+    faces    : (p, 3) forces on the material in each uncut face, up to the last face with material."""
 
     vertices: Floats
     faces: Floats
@@ -46,8 +45,7 @@ class Shares(NamedTuple):
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
     """Return the forces of each load by places on the uncut surface.
-    loads : loads on the sheet. A force inside an uncut face is divided between the vertices of this face.
-    """
+    loads : loads on the sheet. A force inside an uncut face is divided between the vertices of this face."""
     areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
     for name, load in loads.items():
@@ -65,8 +63,7 @@ def on_mesh(
 
     The force of a vertex spreads over the material around it, in proportion to the linear shape function of the uncut
     mesh. So the load is the same on every mesh. It is no point force, because the displacement under a point force
-    does not converge. A load on a face spreads evenly over the material of this face.
-    """
+    does not converge. A load on a face spreads evenly over the material of this face."""
     F, areas = sheet.surface.F, sheet.surface.areas
     hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum of the corners
     mass = np.asarray(hats.T @ areas)
@@ -89,8 +86,7 @@ class RibSoftening(NamedTuple):
     torsion : additional compliance if ribs twist as bars; inf if the second solve fails.
     shear   : compliance by transverse shear, 6 q^2 / (5 G h) per square metre. The shear force q is a mean of faces
               within half a thickness.
-    bending : compliance by bending, times the square root of thickness / mean rib width.
-    """
+    bending : compliance by bending, times the square root of thickness / mean rib width."""
 
     torsion: float
     shear: float
@@ -139,8 +135,7 @@ def _means_within(surface: Surface, reach: float) -> csr_array:
 
 def theory_share(soft: RibSoftening) -> float:
     """Return the largest expected value of the solid's compliance divided by that of the thin sheet, minus 1.
-    The factors suffice for 70 designs that CalculiX solved as solids of quadratic wedges (`solids.csv`).
-    """
+    The factors suffice for 70 designs that CalculiX solved as solids of quadratic wedges (`solids.csv`)."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 
@@ -152,8 +147,7 @@ BYTES_PER_UNKNOWN = {
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
 }
 """Memory (bytes) of a solve per unknown, by solver and bending element, measured with 0.3 to 3.3 million unknowns.
-PARDISO needs less, because it stores only half of a symmetric factor.
-"""
+PARDISO needs less, because it stores only half of a symmetric factor."""
 
 
 @dataclass(frozen=True)
@@ -166,8 +160,7 @@ class Level:
     residual   : largest relative residual of all solves, in the energy norm (see `Equilibrium`).
     seconds    : time of all solves.       memory     : peak memory of the process so far, bytes.
     stresses   : `stress_extremes` for each case.
-    softer     : `rib_softening` for each case; empty if not requested, and for a sheet in its plane.
-    """
+    softer     : `rib_softening` for each case; empty if not requested, and for a sheet in its plane."""
 
     triangles: int
     unknowns: int
@@ -192,8 +185,7 @@ def level(
 ) -> Level:
     """Solve the sheet on one mesh, under loads on the same supports.
     ribs : True to add a second solve in which ribs twist as bars, see `RibSoftening`.
-    Raises StaticsError if a solve fails.
-    """
+    Raises StaticsError if a solve fails."""
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
     answers_by_pair, model = {}, material.model_for(surface)
@@ -229,8 +221,7 @@ def recovery_errors(
 ) -> tuple[float, float]:
     """Return the energies of the stress errors of membrane and bending, divided by the compliance. The stress error is
     the
-    difference between the stress and its average at vertices [Zienkiewicz and Zhu 1987].
-    """
+    difference between the stress and its average at vertices [Zienkiewicz and Zhu 1987]."""
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness

@@ -38,8 +38,7 @@ class ModeLevel:
     triangles : number of triangles.
     buckling  : lowest buckling factor of each case, None without compression; empty if not requested.
     hertz     : lowest frequency (Hz); None if not requested.
-    local     : clauses about local buckling modes by case, see `lowest_buckling`.
-    """
+    local     : clauses about local buckling modes by case, see `lowest_buckling`."""
 
     triangles: int
     buckling: Mapping[str, float | None]
@@ -54,8 +53,7 @@ class ModeIntervals:
     hertz    : lowest frequency with its bound; None if not requested or not found.
     levels   : the meshes, coarse to fine.
     assumed  : assumptions about the supports (`mode_supports`), or ''.
-    refusals : reasons why a value or a finer mesh is missing.
-    """
+    refusals : reasons why a value or a finer mesh is missing."""
 
     buckling: Mapping[str, estimates.ModeEstimate]
     hertz: estimates.ModeEstimate | None
@@ -75,8 +73,7 @@ def mode_intervals(
     """Return the lowest buckling factor of each case and the lowest frequency of a sheet, as requested.
     The cut mesh and the next finer mesh are solved. A third mesh follows if a bound exceeds `WIDEST_MODE_BOUND`.
     budget : memory limit of a mesh, bytes.
-    Errors are not raised, but listed in `refusals`.
-    """
+    Errors are not raised, but listed in `refusals`."""
     levels: list[ModeLevel] = []
     refusals: list[str] = []
     assumed = ""

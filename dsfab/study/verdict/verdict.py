@@ -71,8 +71,7 @@ def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
     """Return the material that is connected to a support, the dropped pieces (largest first), and the loads.
-    Raises StaticsError without supports, for a free rigid motion, and for a load without support.
-    """
+    Raises StaticsError without supports, for a free rigid motion, and for a load without support."""
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)
@@ -106,8 +105,7 @@ class CaseVerdict:
              the loads; else unknown.
     spread : compliance by quadratic + midedge divided by that by quadratic + hhj, minus 1, on the first mesh.
     zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
-    theory : fraction by which a solid may be softer than this thin sheet, see `theory_share`.
-    """
+    theory : fraction by which a solid may be softer than this thin sheet, see `theory_share`."""
 
     name: str
     value: float
@@ -130,8 +128,7 @@ class Verdict:
     dropped    : pieces of material that reach no support, largest first. They are not solved.
     per_member : mean width of members in edges of the uncut mesh; inf for a closed sheet without openings.
     facets     : median of L^2 / (R h) of the uncut mesh: edge length L, radius of curvature R, thickness h.
-    warnings   : sentences about a small `per_member` and a large `facets`.
-    """
+    warnings   : sentences about a small `per_member` and a large `facets`."""
 
     depth: Depth
     status: Status
@@ -191,8 +188,7 @@ COUNT = {2: "two levels", 3: "three levels"}
 class Refinement:
     """The solved meshes of a verdict.
     stopped  : status and reason if the refinement ended early, else None.
-    unsolved : True if the solver rejected the last mesh.
-    """
+    unsolved : True if the solver rejected the last mesh."""
 
     setting: LoadedSurface
     smooth: SmoothSurface
@@ -303,8 +299,7 @@ def check(
     budget  : memory limit of a mesh, bytes.
     cells   : cut mesh with openings; default: that of a design. If very thin triangles (needles) stop the solver, they
               are removed from `cells`, and the solver runs again.
-    A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError without a sheet.
-    """
+    A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError without a sheet."""
     start = time.perf_counter()
     setting = LoadedSurface.from_design(subject) if isinstance(subject, Design) else subject
     if sheet is None:
