@@ -136,8 +136,7 @@ def _directions(
 ) -> tuple[Floats, Bools]:
     """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of exchanged families.
     At exchanged vertices, major stripes follow the minor principal stress. So members run straight on where the
-    direction
-    of the larger stress changes by 90 degrees."""
+    direction of the larger stress changes by 90 degrees."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         guidance = steer.with_loops(frames, stress).guidance
@@ -285,8 +284,7 @@ FINEST = 0.5  # Smallest spacing of stripes, divided by the mean edge length.
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
     """Return True if two [pattern] sections give the same centre lines. Only widths, kept regions and keys for stripes
-    on
-    modes may differ. If the stripes follow their own weight (`rounds`), nothing may differ."""
+    on modes may differ. If the stripes follow their own weight (`rounds`), nothing may differ."""
     if current.rounds:
         return earlier == current
 
@@ -325,8 +323,7 @@ def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
     """Return both families of lines. A family is computed again if its mean spacing differs by over 5 % from the
-    requested
-    one (m). If the difference is still over 30 %, the family is computed without halving."""
+    requested one (m). If the difference is still over 30 %, the family is computed without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):

@@ -163,8 +163,7 @@ def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
     """Return a candidate. If filled openings would form a solid plate, try `uncrowded_changes` of [pattern] and return
-    the
-    best candidate.
+    the best candidate.
     draw : function that returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
@@ -274,8 +273,7 @@ def _exchangeable(width: Width) -> bool:
 
 def _width_variants(width: Width) -> dict[str, Width]:
     """Return width rules to try, by name. The third rule is `graded` with half of the power q, because members that
-    carry
-    their weight need smaller differences of width."""
+    carry their weight need smaller differences of width."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -314,9 +312,8 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return the candidates. If the best ones are nearly equal, up to four of them are built and solved again. The
-    very best
-    is built last, so that slicing can continue from its trial cut."""
+    """Return the candidates. If the best ones are nearly equal, up to four of them are built and solved again. The very
+    best is built last, so that slicing can continue from its trial cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]

@@ -263,10 +263,9 @@ ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases
 
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
-    """Return the candidates for modes and phases that are `auto`, best first.
-    The best candidate has the smallest compliance times material. At most 57 are tried. With the width rule
-    `stressed`, trials use graded
-    widths, and then `stressed_choice` sorts the candidates again.
+    """Return the candidates for modes and phases that are `auto`, best first. The best candidate has the smallest
+    compliance times material. At most 57 are tried. With the width rule `stressed`, trials use graded widths, and then
+    `stressed_choice` sorts the candidates again.
     Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):

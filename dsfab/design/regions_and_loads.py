@@ -269,8 +269,7 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
     """Return forces (k, 3), N, at places (k, 3), as in bolt groups. In each group, their sum is zero, and their moment
-    is
-    that of the group. Places on a line take no moment about this line.
+    is that of the group. Places on a line take no moment about this line.
     group  : (k,) group of each place.    weight : (k,) bolt areas.    moment : (g, 3) moments of g groups, N m."""
     count = len(moment)
     total = np.bincount(group, weight, count)
@@ -320,8 +319,7 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
     A concentrated force on a removed vertex moves to the nearest vertex of the sheet, which changes its moment. Weight
     and loads on material act on the remaining material. A load on a covering acts on the nearest material, with the
-    same
-    resultant and moment.
+    same resultant and moment.
 
     Raises StaticsError if no supported vertex remains, and if no material is near a concentrated force."""
     supported = sheet_supports(surface, sheet, load)

@@ -52,8 +52,7 @@ def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
 
 def merging_rule(preset: Preset) -> Merging:
     """Return the rule for filling slits: all slits, or only those between members that come too close together. The
-    second
-    rule is for solid fractions over one half, for which most openings are narrower than members."""
+    second rule is for solid fractions over one half, for which most openings are narrower than members."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
@@ -80,8 +79,7 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
     """Return the smallest width of openings and of their narrow places (necks), metres, or 0. Smaller openings are
-    filled,
-    and narrower necks are bridged."""
+    filled, and narrower necks are bridged."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0

@@ -42,9 +42,8 @@ class _LatestLayers(NamedTuple):
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
-    """Return the kept regions, which are material in every pattern.
-    With symmetric stripes, the regions around supports and loads are united with their symmetric images. The user's
-    regions do not change."""
+    """Return the kept regions, which are material in every pattern. With symmetric stripes, the regions around supports
+    and loads are united with their symmetric images. The user's regions do not change."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
@@ -167,8 +166,7 @@ EXACT = 1e-9  # Difference up to which shares count as equal.
 COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
 """Factors on the approximate widths that decide which openings close, between members that are too close. Smaller
-factors
-close fewer openings."""
+factors close fewer openings."""
 SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that measure shares.
 
 
@@ -301,8 +299,8 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 def least_width(preset: Preset, surface: Surface) -> float:
     """Return the default least width (m) of evenly spaced members of varying width. It is the thickness for graded
-    members,
-    and the least width of a workshop for stressed members. So slicing need not widen members, which is slow."""
+    members, and the least width of a workshop for stressed members. So slicing need not widen members, which is
+    slow."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))

@@ -114,8 +114,7 @@ def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
     """Return the weights of the cases or combinations whose stress the pattern follows, by name. The default weight is
-    1;
-    weights of 0 are left out."""
+    1; weights of 0 are left out."""
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
@@ -131,8 +130,7 @@ def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) ->
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
     """Return the cases and combinations to check in a limit state. If none has this state, return those without a
-    state.
-    If there are none of these either, return all."""
+    state. If there are none of these either, return all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):

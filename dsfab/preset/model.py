@@ -78,9 +78,8 @@ class Statics(Section):
     """Bending elements: hinge (the paper; for directions), midedge (converges to plate theory), hhj (the best)."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
     """Stress that the pattern follows. membrane: stress in the middle of the thickness (the paper); for a flat sheet
-    that
-    only bends, stress at its lower side. layers: stress of the whole thickness, with bending. auto: layers if bending
-    stores at least half of the strain energy, else membrane."""
+    that only bends, stress at its lower side. layers: stress of the whole thickness, with bending. auto: layers if
+    bending stores at least half of the strain energy, else membrane."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
     """Strength (Pa), with which the largest stress is compared: 235e6 for steel S235. 0: no comparison."""
     frequencies: Annotated[int, Ge(0), Le(10)] = 0
@@ -89,8 +88,7 @@ class Statics(Section):
     """Number of buckling factors of the uncut sheet to compute."""
     check: bool = True
     """Refuse a sheet that moves by over a tenth of its span or stands on one vertex. Also refuse a support or load far
-    from
-    the surface. false: only report these faults."""
+    from the surface. false: only report these faults."""
 
     _named = model_validator(mode="before")(with_material)
 
@@ -251,9 +249,8 @@ class Width(Section):
     """[pattern.width]: width of the stripes of both families."""
 
     rule: Rule = "plain"
-    """plain: widths follow the thresholds (the paper). constant: equal widths in metres. graded: wider where the
-    stress is
-    larger. stressed (stiffest, slowest): widened where the energy is largest, in several trials."""
+    """plain: widths follow the thresholds (the paper). constant: equal widths in metres. graded: wider where the stress
+    is larger. stressed (stiffest, slowest): widened where the energy is largest, in several trials."""
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members for rule constant, metres. 0: solid_fraction gives the width."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
@@ -262,10 +259,8 @@ class Width(Section):
     """Number of trials (cut and solve) for rule stressed."""
     min_width: LeastWidth = AUTO
     """Smallest width of members, metres. 0: no limit. auto: no limit, with two exceptions for evenly spaced members.
-    Rule
-    graded: the thickness. Rule stressed with pattern.workshop: half of the thickness. In these cases the limit is at
-    most
-    half of the width that equal members would have."""
+    Rule graded: the thickness. Rule stressed with pattern.workshop: half of the thickness. In these cases the limit is
+    at most half of the width that equal members would have."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -315,11 +310,9 @@ class Pattern(Section):
 
     method: Method = "modes"
     """modes: stripes on eigenmodes (the paper). stripes: evenly spaced stripes along the stress. auto: the stiffest
-    pattern
-    without dead ends and slits. auto compares modes, stripes, and stripes with halving. For the width rules constant
-    and
-    graded it also compares these rules, graded with half of q, and stressed widths. If the preset sets no spacing, auto
-    compares several spacings."""
+    pattern without dead ends and slits. auto compares modes, stripes, and stripes with halving. For the width rules
+    constant and graded it also compares these rules, graded with half of q, and stressed widths. If the preset sets no
+    spacing, auto compares several spacings."""
     halve: bool = True
     """For stripes: where they come too close together, every second one ends on a crossing member. false: none ends."""
     families: Literal["both", "major", "minor"] = "both"
@@ -331,12 +324,10 @@ class Pattern(Section):
     normals or from outside of a closed surface. 90 exchanges the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """For stripes: forces that give directions and graded widths. uncut: forces in the uncut sheet. optimal: forces in
-    the
-    stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs."""
+    the stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
     """For stripes: number of times that the directions are computed again with only the weight of the stripes. This is
-    for
-    designs whose weight is most of the load. 0: the weight is that of the uncut sheet."""
+    for designs whose weight is most of the load. 0: the weight is that of the uncut sheet."""
     guide: tuple[Guide, ...] = ()
     """For stripes: curves and regions that set their direction."""
     region: tuple[PatternRegion, ...] = ()
@@ -446,18 +437,14 @@ class Slicing(Section):
     min_opening: Annotated[float, Ge(0)] | None = None
     """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default on modes: 0. Default
     between evenly spaced stripes: 15 % of their spacing, for tidied stripes at most the thickness; openings under 35 %
-    of
-    the usual size are then filled, too."""
+    of the usual size are then filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Smallest width of openings with pattern.workshop, metres. Narrower openings are bridged, and narrower tips
-    filled.
-    0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
+    filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
     """Smallest width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop, the default
-    is
-    half of the thickness, or the smaller limit of [pattern.width]. Without pattern.workshop, only very narrow members
-    of
-    tidied stripes are widened: under 0.8 times the usual width, between openings with round corners."""
+    is half of the thickness, or the smaller limit of [pattern.width]. Without pattern.workshop, only very narrow
+    members of tidied stripes are widened: under 0.8 times the usual width, between openings with round corners."""
     improve: bool = False
     """Improve the triangles of the cut mesh by flipping and removing edges, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -490,8 +477,7 @@ class Fabrication(Section):
     """Smallest thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
     """Write files of a design with faults. Faults are loads without a path to a support, very thin places where the
-    solid
-    would meet itself, and members and openings under 1 mm and under their limit."""
+    solid would meet itself, and members and openings under 1 mm and under their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
     """Size of the machine along x, y, z, metres; the solid may be turned onto any side."""
 
@@ -516,9 +502,8 @@ class Export(Section):
     """planar: flat or folded designs, with lines and splines. faceted: plane faces. tessellated: triangles for viewers.
     members: four-sided curved faces that CAD programs cut and measure well; if impossible, smooth or faceted. smooth,
     compact: a few large curved faces, the smallest file, which CAD programs often cannot cut. auto: the first that
-    works
-    of planar, members up to 7000 faces, fast smooth that OCCT can cut, faceted within step_faces, and smooth. quick: as
-    auto, but members only for open surfaces, no test of a cut, and no smooth at the end."""
+    works of planar, members up to 7000 faces, fast smooth that OCCT can cut, faceted within step_faces, and smooth.
+    quick: as auto, but members only for open surfaces, no test of a cut, and no smooth at the end."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Largest error (m) of planar, smooth or simplified STEP. 0: a part of the thickness; no error for faceted STEP."""
     step_mb: Annotated[float, Ge(0)] = 0.0
@@ -563,12 +548,10 @@ class Preset(Section):
         """Create a preset from Python objects, with the checks and messages of a preset file.
 
         surface  : a mesh of trimesh, pyvista or compas, in metres; a `Surface`; (V, F): vertices (n, 3), metres, and
-                   faces;
-                   the path of a mesh file; a section of another preset; or keys as in TOML, such as
-                   {"mesh": mesh, "refine": 0.2}. For other units, use `Surface.of(mesh, "mm")`.
-        supports, loads, combinations : objects such as `dsfab.Support(...)`, or tables as in TOML. They replace those
-        of
-                   `surface`.
+                   faces; the path of a mesh file; a section of another preset; or keys as in TOML, such as {"mesh":
+                   mesh, "refine": 0.2}. For other units, use `Surface.of(mesh, "mm")`.
+        supports, loads, combinations : objects such as `dsfab.Support(...)`, or tables. They replace those of
+        `surface`.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
         Raises PresetError that lists every mistake with its key in TOML, and SurfaceError for an invalid mesh."""
         surface_lists = {"support": supports, "load": loads, "combination": combinations}
@@ -666,8 +649,7 @@ class Preset(Section):
 
     def first_difference(self, other: "Preset") -> str | None:
         """Return the first stage whose section differs, or None. Return `surface` if the outline of a region differs.
-        Return it,
-        too, if [statics] differs and the stress defines the mesh."""
+        Return it, too, if [statics] differs and the stress defines the mesh."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

@@ -34,11 +34,9 @@ class Workshop(Section):
 
     route: Route = "auto"
     """strips: members lie flat in the surface, in bolted layers. planks: members stand upright on the surface, with
-    slots at
-    crossings. bars: straight members from node to node, with folded plates. panels: a model of flat faces with tabs.
-    sheet: a flat design in pieces of the stock's size. auto: sheet for a flat design, else the first possible of
-    strips,
-    bars near the surface, and planks."""
+    slots at crossings. bars: straight members from node to node, with folded plates. panels: a model of flat faces with
+    tabs. sheet: a flat design in pieces of the stock's size. auto: sheet for a flat design, else the first possible of
+    strips, bars near the surface, and planks."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Length and width of the sheets to cut from, metres; one size or several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()
@@ -70,8 +68,7 @@ class Workshop(Section):
     millimetre. 0: no change."""
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
     """Joint of parts longer than the stock. cover: bolted cover plate for members, butt joint for flat sheets. scarf:
-    glued
-    slope, eight times as long as thick. fingers: finger joints for flat sheets. none: butt joints."""
+    glued slope, eight times as long as thick. fingers: finger joints for flat sheets. none: butt joints."""
 
     @field_validator("stock", mode="before")
     @classmethod

@@ -83,8 +83,7 @@ class SurfaceSection(Section):
     """Largest edge length, metres; longer edges are divided. 0: no edge is divided."""
     smooth: bool = False
     """Make the surface smooth: with `refine` by Loop subdivision; with `edge` by new vertices on a smooth surface
-    through the
-    old vertices. Boundaries and creases do not change."""
+    through the old vertices. Boundaries and creases do not change."""
 
     @property
     def sums(self) -> tuple[Combination, ...]:
@@ -121,8 +120,7 @@ class OwnSurface(SurfaceSection):
     """Smallest edge length, metres, at the places of `finest_at`; needs `edge`. 0: all edges have equal lengths."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
     """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress is that of a
-    solve
-    on equal triangles. It changes if it varies along an edge by a quarter of its root mean square."""
+    solve on equal triangles. It changes if it varies along an edge by a quarter of its root mean square."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -168,8 +166,7 @@ class FileSurface(OwnSurface):
     holes, straighten uneven edges."""
     repair: bool = False
     """Repair a raw scan: as `mend`; also split edges with more than two faces, and give all normals the same side.
-    Remove
-    small pieces (under a twentieth of the largest), and fill holes (outline under 15 % of the largest side)."""
+    Remove small pieces (under a twentieth of the largest), and fill holes (outline under 15 % of the largest side)."""
     max_triangles: Annotated[int, Ge(1)] | None = None
     """Largest number of triangles in the file; also limits its bytes, vertices and reading time. Default: 4 million."""
 

@@ -23,14 +23,12 @@ from dsfab.surface import LoadCase, Surface, support_names
 
 THIN = 0.01
 """Largest thickness of CPS6 sections, divided by the mean edge length. CalculiX makes solid wedges of CPS6 elements,
-and
-only thin wedges come close to plane stress."""
+and only thin wedges come close to plane stress."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
     """Return the nodes (n + e, 3), metres, and the triangles (m, 6) of a surface. The middles of edges follow the
-    vertices.
-    The six nodes of a triangle are its corners, and the middles of its sides 1-2, 2-3 and 3-1."""
+    vertices. The six nodes of a triangle are its corners, and the middles of its sides 1-2, 2-3 and 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
@@ -41,9 +39,9 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
     force  : (n, 3) newtons on the vertices, with the part of `spread` that acts there.
     spread : loads per area and per length.
 
-    The shape function of a middle node is the bubble function of its edge. So the node takes the force on the bubble.
-    The
-    shape function of a corner contains minus half of this bubble. So each end of the edge loses half of the force."""
+    The shape function of a middle node is the bubble function of its edge. So the node takes the force on the
+    bubble. The shape function of a corner contains minus half of this bubble. So each end of the edge loses half of
+    the force."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
@@ -164,8 +162,7 @@ class CheckModel:
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
     """Return the model of a preset's uncut surface, with a step for each case and combination. The elements are CPS6
-    for
-    a flat surface loaded in its plane, else S6 shells. Raises DsfabError if a stage fails."""
+    for a flat surface loaded in its plane, else S6 shells. Raises DsfabError if a stage fails."""
     log = Log(progress)
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)

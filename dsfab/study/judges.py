@@ -199,9 +199,8 @@ def full(
     progress: Progress | None = None,
 ) -> Judgement:
     """Judge on finer and finer meshes, with error bounds for compliance, buckling and frequency. The stress is that of
-    the
-    finest mesh. Displacements and reactions are those of the unrefined mesh.
-    If the memory is too small for finer meshes, the result is that of `quick`.
+    the finest mesh. Displacements and reactions are those of the unrefined mesh. If the memory is too small for finer
+    meshes, the result is that of `quick`.
     every : True to judge all cases and combinations. The verdict is `fail` if only the followed loads are carried.
     ask   : requested frequencies and buckling factors.         budget : memory, bytes.
     Raises StaticsError if the structure does not carry the loads that its pattern follows."""

@@ -262,8 +262,7 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
     """Return the trial of a solved structure.
     row : earlier trial of this thickness, for a sheet that was cut for another thickness. Its buckling factor is used
-          if
-          `outcome` has none."""
+          if `outcome` has none."""
     targets = design.preset.sizing
     use = outcome.use.value if outcome.use else float("inf") if row else None  # not yet computed in trials of a list
     movement = outcome.movement.share if outcome.movement else float("inf")

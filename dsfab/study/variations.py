@@ -87,8 +87,7 @@ def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
     """Return the indices of the runs in an order in which successive runs share many stages. Keys of early stages
-    change
-    least often."""
+    change least often."""
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
     for texts in signatures:

@@ -178,9 +178,8 @@ def _seam(surface: Surface) -> Bools:
 
 
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
-    """Write one file in the format of the suffix of `path`, and read it back as a check; return the path.
-    The file of a design is that of `dsfab build` or `dsfab export`. The file of a solid, a sheet or a surface has only
-    its mesh.
+    """Write one file in the format of the suffix of `path`, and read it back as a check; return the path. The file of a
+    design is that of `dsfab build` or `dsfab export`. The file of a solid, a sheet or a surface has only its mesh.
     options : keywords of `dsfab.export.write`, which replace those of the preset.
     Raises ExportError if the file cannot be written."""
     if not isinstance(item, Design):

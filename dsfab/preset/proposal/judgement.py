@@ -237,8 +237,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
     """Return readings with their scores, the best first. Readings with a low form are left out, because statics can
-    only
-    reduce their score."""
+    only reduce their score."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form

@@ -124,9 +124,8 @@ class Edge:
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
     def corners(self, arm: float) -> list[int]:
-        """Return the points of a closed edge where its direction changes most, by at least `CORNER`. There is no
-        corner where
-        the edge is straight in plan, as on a folded roof.
+        """Return the points of a closed edge where its direction changes most, by at least `CORNER`. There is no corner
+        where the edge is straight in plan, as on a folded roof.
         arm : length (m) on each side of a point that gives the direction."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
         before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points

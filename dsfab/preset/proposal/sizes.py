@@ -52,11 +52,9 @@ class Sizes:
         """Return the sizes for a surface on feet (k, 3): thicker if the span far exceeds the plan's shorter side.
 
         The span is twice the distance in plan from the feet to the farthest vertex. If the span of a roof is far
-        smaller than
-        the shorter side, as around a courtyard, all sizes follow from the span. If the span is far larger, the spacing
-        is
-        larger. The thickness is then 1.1 times that for the geometric mean of span and side, because clamped ends bend
-        most."""
+        smaller than the shorter side, as around a courtyard, all sizes follow from the span. If the span is far larger,
+        the spacing is larger. The thickness is then 1.1 times that for the geometric mean of span and side, because
+        clamped ends bend most."""
         if is_figure(surface) or not feet:
             return self
         distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])

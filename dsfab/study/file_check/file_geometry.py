@@ -247,8 +247,7 @@ class Allowance:
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
         """Return the allowance of a file. STL and 3MF must fit exactly; planar faces of STEP may be simplified. For
-        curved
-        faces, the chord error of the design's mesh and `contents.deflection` are added."""
+        curved faces, the chord error of the design's mesh and `contents.deflection` are added."""
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)

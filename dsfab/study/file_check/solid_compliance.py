@@ -270,8 +270,7 @@ class SupportPoints:
     shift: int
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
-        """Return the matrix (3 k, N) that maps the N unknowns to mean displacements through the thickness at k
-        places."""
+        """Return the matrix (3 k, N) that maps unknowns to mean displacements through the thickness at k places."""
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 

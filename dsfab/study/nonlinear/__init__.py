@@ -143,8 +143,7 @@ def solid_check(
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
     """Return the load factors around the step with the largest displacement per load. Return None if the displacement
-    per
-    load is similar in all steps, or if the factors differ by less than 2 %."""
+    per load is similar in all steps, or if the factors differ by less than 2 %."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])

@@ -341,8 +341,7 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 
 def plan_toml(plan: Plan) -> str:
-    """Return the complete plan, with defaults, as TOML. Varied keys keep their order, because run numbers depend on
-    it."""
+    """Return the complete plan as TOML. Varied keys keep their order, because run numbers depend on it."""
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
     lines = [_line(key, value) for key, value in vary.items()]

@@ -220,8 +220,7 @@ def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
     """Return the energies of the stress errors of membrane and bending, divided by the compliance. The stress error is
-    the
-    difference between the stress and its average at vertices [Zienkiewicz and Zhu 1987]."""
+    the difference between the stress and its average at vertices [Zienkiewicz and Zhu 1987]."""
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness
