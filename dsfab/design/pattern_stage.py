@@ -91,8 +91,8 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
     """Return the mean and the 95 % quantile of the angle (degrees) between principal directions of two stresses (m, 3,
-    3). The mean has the weights area times difference of the principal stresses `before`. The quantile by area counts
-    only faces with clear directions."""
+    3). A face has the weight area times difference of its principal stresses `before` in the mean. The quantile by area
+    counts only faces with clear directions."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
     axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)

@@ -113,13 +113,13 @@ def corrected_pattern(
     bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
     """Return stripes that cover the requested share of the surface after finishing, and the covered share.
-
     draw_pattern  : function that draws stripes, for the share that finishing will add, and a guess of the width factor.
     nearest_share : function that returns the measured share of the latest stripes that is nearest to a target.
     added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
-    bridged_share : function that returns the share of added bridges. It is slow, so it runs once if the share is 0.
+    bridged_share : function that returns the share of added bridges. It is slow, so it runs only once if its result is
+                    0.
 
-    Stripes get the requested share minus the added share. If openings close, the added share jumps. The search then
+    Stripes get the requested share minus the added share. The added share jumps if openings close; then the search
     takes middle values between a smaller and a larger total."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()

@@ -546,12 +546,10 @@ class Preset(Section):
         **sections: Any,
     ) -> None:
         """Create a preset from Python objects, with the checks and messages of a preset file.
-
         surface  : a mesh of trimesh, pyvista or compas, in metres; a `Surface`; (V, F): vertices (n, 3), metres, and
-                   faces; the path of a mesh file; a section of another preset; or keys as in TOML, such as {"mesh":
-                   mesh, "refine": 0.2}. For other units, use `Surface.of(mesh, "mm")`.
-        supports, loads, combinations : objects such as `dsfab.Support(...)`, or tables. They replace those of
-        `surface`.
+                   faces; the path of a mesh file; a section of another preset; or keys as in TOML, such as
+                   {"mesh": mesh, "refine": 0.2}. For other units, use `Surface.of(mesh, "mm")`.
+        supports, loads, combinations : objects (`dsfab.Support(...)`) or tables; they replace those in `surface`.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
         Raises PresetError that lists every mistake with its key in TOML, and SurfaceError for an invalid mesh."""
         surface_lists = {"support": supports, "load": loads, "combination": combinations}

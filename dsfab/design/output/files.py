@@ -347,10 +347,8 @@ def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) ->
 
 
 def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
-    """Return for each face (m,) the number of its largest field (its chart). A face that is cut off at a meeting of
-    three
-    borders has a field that is the largest at none of its corners. It gets the field that is the largest at its centre.
-    """
+    """Return for each face (m,) the number of its largest field (its chart). A face whose field is the largest at none
+    of its corners gets the field that is the largest at its centre."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

@@ -78,10 +78,10 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     """Return value and bound from the lowest eigenvalue on one to three meshes. Each mesh has four times the triangles
     of the previous mesh. A step is the difference of the values on two successive meshes.
 
-    With two meshes, half of the step is added to the last value, and the bound is the whole step. With three meshes,
-    the value is extrapolated by the ratio of the steps, and the bound is the extrapolated part. Two kinds of steps give
-    the value of the finest mesh. For steps with opposite signs, the bound is twice the last step. For steps that do not
-    decrease, the bound is twice the larger step. Only mesh errors are covered."""
+    Two meshes: half of the step is added to the last value, and the bound is the whole step. Three meshes: the value is
+    extrapolated by the ratio of the steps, and the bound is the extrapolated part. Three meshes whose steps have
+    opposite signs or do not decrease: the value is that of the finest mesh, and the bound is twice the larger or last
+    step. Only mesh errors are covered."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
