@@ -58,12 +58,10 @@ RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Re
 @dataclass
 class StageResults:
     """The results of one design by name, each computed once.
-
-    results : results of the stages. A revision shares those of the stages before its first changed section.
-    derived : values computed from results, each with the name of the last stage that it depends on. A revision shares
-              them like results. A pickled design does not contain them.
-    inputs  : large intermediate values, each with the name of the stage that needs it. They are deleted when this stage
-              has its result; revisions and pickled designs do not contain them."""
+    results : results of the stages.
+    derived : values computed from results, each with the last stage on which it depends. A pickled design has none.
+    inputs  : large intermediate values, each with the stage that needs it. They are deleted after this stage.
+    A revision shares the results and derived values of the stages before its first changed section."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)
@@ -121,9 +119,9 @@ def _computed_once(held: dict[str, tuple[str, Any]], stage: str, name: str, comp
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design:
-    """A preset and the results of its stages, computed on first access and held in `StageResults`.
+    """A preset and the results of its stages, computed on first access.
     surface, statics, diffusion, pattern, slicing and solid raise the DsfabError of their stage. `dsfab.run` computes
-    all results, `dsfab.design.draft` those before the cut. `dsfab.revise` returns a changed design."""
+    all results. `dsfab.revise` returns a changed design."""
 
     preset: Preset
     _log: Log = field(default_factory=lambda: Log(None))
@@ -132,13 +130,13 @@ class Design:
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
         """Return a design. It shares the results of `earlier` from the stages before the first different section.
-        Raises PresetError if `preset` is not a preset, for example a mesh, or if its thickness is 'auto'."""
+        Raises PresetError if `preset` is not a preset, or if its thickness is 'auto'."""
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
         if not preset.statics.is_sized:
             raise PresetError(
-                f"preset {preset.name}: statics.thickness = 'auto' has no number yet; give metres, or choose "
-                "a thickness with dsfab.sized_design(preset) or with the command dsfab size"
+                f"preset {preset.name}: statics.thickness = 'auto' is not a number yet; give metres, or let "
+                "dsfab.sized_design(preset) or the command dsfab size choose a thickness"
             )
         if earlier is None:
             return cls(preset, Log(progress))
@@ -269,11 +267,9 @@ class Design:
 
     def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
         """Return a design with an approximate pattern, for a first picture; it takes a tenth of the time.
-
         modes   : False to leave out the modes if stripes are evenly spaced.
         answers : True for accurate stress and energy, False for values by fast elements.
-
-        Return None if no approximate widths give the requested share of material; then `pattern` raises an error.
+        Return None if no approximate widths give the requested share of material.
         Raises the DsfabError of the stage that fails."""
         if answers:
             _ = self.statics
@@ -453,12 +449,13 @@ def run(preset: Preset, progress: Progress | None = None) -> Design:
 
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
-    """Return the design of `preset`. Stages before the first section that differs are not computed again: a change of
-    [pattern] keeps statics and diffusion, and a change of `gamma` or `r` keeps the statics."""
+    """Return the design of `preset`. It shares the results of `design` from the stages before the first section that
+    differs, for example the statics if [pattern] changes."""
     return Design.from_preset(preset, design, progress).until("thickening")
 
 
 def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
-    """Run the stages up to the pattern, without a cut. earlier : a design; its stages that do not change are reused.
+    """Run the stages up to the pattern, without a cut.
+    earlier : design whose unchanged stages are reused.
     Raises the DsfabError of the stage that fails."""
     return Design.from_preset(preset, earlier, progress).until("pattern")

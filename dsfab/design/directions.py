@@ -61,7 +61,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
             f"modes are symmetric ({', '.join(options.symmetry)}, {symmetry.order} images), with an error of "
             f"{asymmetry:.1g} of their size on this mesh",
         )
-    # with 3.2 sqrt(r) triangles from side to side of a surface, the first eigenvalues had errors below 10 %
+    # 3.2 sqrt(r) triangles from side to side suffice for errors below 10 %
     edge = np.sqrt(surface.area) / (3.2 * np.sqrt(options.r))
     if surface.mean_edge > edge:
         log.note(
@@ -100,8 +100,10 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Steering:
-    """Changes of stripe directions by the user: a rotation `turn` (radians) from the stress, and guides (`guidance`).
-    symmetry : that of the changed directions.    loops : small closed lines of supports.    told : a note, or ''."""
+    """Changes of stripe directions by the user.
+    turn     : rotation from the stress, radians.    guidance : guides.
+    symmetry : symmetry of the changed directions.   told     : a note, or ''.
+    loops    : small closed lines of supports."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -122,8 +124,9 @@ class Steering:
         return np.asarray(sum((guide.weight for guide in self.guidance), np.zeros(surface.n))[surface.F].mean(axis=1))
 
     def outcome(self, surface: Surface, along: Floats, directions: StressDirections, over: Bools) -> StripeSteering:
-        """Return a record of the changes, for the final directions `along` (n, 3) of the major stripes.
-        over : (n,) True at vertices where the two families exchange their names, see `family_crossings`."""
+        """Return a record of the changes.
+        along : (n, 3) final directions of the major stripes.
+        over  : (n,) mask of vertices where the two families exchange their names, see `family_crossings`."""
         cosines = (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) for k in (0, 1))
         first_share, second_share = ((cosine**2).sum(axis=1) for cosine in cosines)
         crossed = over[surface.F].mean(axis=1) > 0.5
@@ -139,13 +142,13 @@ class Steering:
 
 def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
     """Return the changes of stripe directions in a [pattern] section.
-    symmetry : that of surface, supports and loads.    spacing : metres; the reach of guides that have no own reach.
+    symmetry : symmetry of surface, supports and loads.    spacing : default reach of guides, metres.
     Raises PatternError for an angle on a one-sided surface, and for a guide without effect."""
     oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
         raise PatternError(
-            f"pattern.rotate = {options.rotate:g}: a one-sided surface, like a Moebius strip, does not define the "
-            "sense of rotation; use 0 or 90"
+            f"pattern.rotate = {options.rotate:g} has no sense of rotation on a one-sided surface, such as a Moebius "
+            "strip; use 0 or 90"
         )
     guidance = Guidance.from_guides(frames, options.guide, spacing)
     group, message = symmetry, ""

@@ -46,9 +46,11 @@ SLOPES = (0.6, 1.6)
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
     """The lines of one family, where its phase is a whole number. Each halving ends every second line.
-    most  : largest number of halvings.      wish  : (m,) wanted number of halvings on each face, 0 to `most`.
-    free  : (m,) wanted number of halvings, without these limits.
-    slope : (n,) lines per metre at each vertex, if not halved.    grown : mean slope divided by the wanted one."""
+    most  : largest number of halvings.
+    wish  : (m,) wanted number of halvings on each face, 0 to `most`.
+    free  : (m,) wanted number of halvings on each face, without limits.
+    slope : (n,) lines per metre at each vertex, before halving.
+    grown : mean slope divided by the mean wanted slope."""
 
     phase: CornerPhase
     most: int
@@ -61,10 +63,9 @@ class FamilyLines:
 @dataclass(frozen=True, eq=False)
 class StripeDirections:
     """Directions of both families, and the input for their phases.
-
     given      : directions of the principal stresses.    along : (n, 3) directions of major stripes at vertices.
-    confidence : (m,) how clear the direction is on each face, 0 to 1.
-    moved      : (n,) size of each vertex's displacement under the followed loads, in any unit.
+    confidence : (m,) clearness of the direction on each face, 0 to 1.
+    moved      : (n,) magnitude of each vertex's displacement under the followed loads, in any unit.
     members    : guide curves that become members."""
 
     frames: Frames
@@ -134,9 +135,8 @@ def _directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
     """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of exchanged families.
-    At a vertex of this mask, major stripes have the direction of the minor principal stress. So members run straight on
-    where both principal stresses are equal and the direction of the larger one changes by 90 degrees. Such lines are
-    found before smoothing, because smoothing across them produces singular points."""
+    At exchanged vertices, major stripes follow the minor principal stress. So members run straight on where the
+    direction of the larger stress changes by 90 degrees."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         guidance = steer.with_loops(frames, stress).guidance
@@ -144,9 +144,9 @@ def _directions(
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:
-        # only 0.6 edges: on eight plates, smoothing over 1 edge joined regions on both sides of such a line
+        # smoothing over a whole edge would join separate regions
         crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
-        # a smaller region has no space for two members: with 1.6 in place of 2, four members of a floor had loose ends
+        # a smaller region has no space for two members
         crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
         stress = _exchanged_on(stress, crossed[frames.surface.F].mean(axis=1) > 0.5)
     along = smooth(stress, length)
@@ -205,8 +205,7 @@ class FamilyCourse:
 
     def lines(self, spacing: float) -> FamilyLines:
         """Return the lines of the family, with a mean spacing of `spacing` metres.
-        Two phases are possible, half a period apart. The better one has its lines at vertices with large stress and
-        large displacement, because supported vertices need no line."""
+        Of two possible phases, the one with lines at vertices with large stress and large displacement is used."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
@@ -265,10 +264,11 @@ def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
     """Return statics in which the pattern follows the stresses of the stiffest sheet of varying thickness.
-    A stress is the force in that sheet divided by the preset's thickness. Raises PatternError if the sheet bends."""
+    The stresses are the forces in that sheet divided by the preset's thickness. Raises PatternError if the sheet bends.
+    """
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
-            'pattern.forces = "optimal" needs membrane forces, but the pattern follows bending here: set '
+            'pattern.forces = "optimal" needs membrane forces, but this pattern follows bending; set '
             'pattern.forces = "uncut", or statics.stress = "membrane" if the surface is curved'
         )
     names, weights = list(preset.followed_weights), np.array(list(preset.followed_weights.values()))
@@ -279,12 +279,12 @@ def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) ->
     return replace(statics, cases={**statics.cases, **cases})
 
 
-FINEST = 0.5  # Smallest spacing of stripes, in mean edges; members thinner than triangles have uneven borders.
+FINEST = 0.5  # Smallest spacing of stripes, divided by the mean edge length.
 
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
-    """Return True if two [pattern] sections give the same centre lines.
-    Only widths, kept regions and keys for stripes on modes may differ. If `rounds` is above 0, nothing may differ."""
+    """Return True if two [pattern] sections give the same centre lines. Only widths, kept regions and keys for stripes
+    on modes may differ. If the stripes follow their own weight (`rounds`), nothing may differ."""
     if current.rounds:
         return earlier == current
 
@@ -299,7 +299,7 @@ def same_stripes(earlier: Pattern, current: Pattern) -> bool:
 
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
     """Return the evenly spaced stripes of a preset's [pattern] section.
-    Raises PatternError if the stress is zero, or if a spacing is too small for the mesh or too large for it."""
+    Raises PatternError if the stress is zero, or if a spacing does not suit the mesh."""
     options = preset.pattern
     if options.forces == "optimal":
         statics = optimal_statics(preset, surface, statics)
@@ -322,8 +322,8 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
-    """Return both families of lines. A family whose mean spacing differs by over 5 % from the requested one (m) is
-    computed again; if it still differs by over 30 %, without halving."""
+    """Return both families of lines. A family is computed again if its mean spacing differs by over 5 % from the
+    requested one (m). If the difference is still over 30 %, the family is computed without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -348,9 +348,9 @@ def _spacing_errors(surface: Surface, divided: "_DividedFamilies", spacings: lis
 def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
     if spacing < FINEST * surface.mean_edge:
         raise PatternError(
-            f"pattern.{name}.spacing = {spacing:.4g} m is too fine for this mesh, whose edges are "
-            f"{surface.mean_edge:.3g} m long on average: set {_digits(FINEST * surface.mean_edge)} m or more, or "
-            "make the mesh finer (surface.edge or surface.refine)"
+            f"pattern.{name}.spacing = {spacing:.4g} m is too fine for this mesh, whose mean edge length is "
+            f"{surface.mean_edge:.3g} m; set {_digits(FINEST * surface.mean_edge)} m or more, or make the mesh finer "
+            "(surface.edge or surface.refine)"
         )
     if spacing > surface.size:
         raise _too_far_error(name, spacing, surface)
@@ -376,8 +376,8 @@ def _digits(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
-    """Both families after halving. density : (n, 2) remaining lines per metre at each vertex, for each family. It is
-    the mean of all symmetric images, because a mesh is not exactly symmetric."""
+    """Both families after halving.
+    density : (n, 2) remaining lines per metre at each vertex, for each family; the mean of all symmetric images."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

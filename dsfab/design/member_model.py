@@ -81,7 +81,7 @@ PERMANENT = {"self_weight", "cladding"}  # Kinds of permanent loads.
 
 
 class ActionCase(NamedTuple):
-    """Those loads of one case that belong to one kind of action, on the uncut surface.
+    """Loads of one case that belong to one kind of action, on the uncut surface.
     case : name of the case in the preset.    action : permanent, snow, wind or variable."""
 
     case: str
@@ -90,9 +90,9 @@ class ActionCase(NamedTuple):
 
 
 def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
-    """Return the load cases of a preset by name, split so that each has a single kind of action.
-    This is for frame programs, which multiply a case by the factor of its kind: weight in a snow case would get the
-    factor of snow. If `surface.actions` names the kind of a case, it is not split."""
+    """Return the load cases of a preset by name, each with a single kind of action.
+    A case with several kinds is split, because frame programs multiply a case by the factor of its kind. A case whose
+    kind is named in `surface.actions` is not split."""
     section, action_by_name = preset.surface, dict[str, ActionCase]()
     for case in (name for name, entry in statics.cases.items() if entry.factors is None):
         load, kinds = statics.cases[case].load, dict[str, list[Load]]()
@@ -131,7 +131,7 @@ def beam_model(
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
     """Return the beam model of a cut sheet with its members, under the loads of these cases.
-    Combinations have all parts of a case that was split. Raises StaticsError if no member has an axis."""
+    If a case was split, combinations have all of its parts. Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
     section = preset.statics
@@ -168,8 +168,8 @@ def beam_agreement(
 def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
-    """Return the results for a sheet whose ribs have the torsional stiffness of a sheet, and that of bars.
-    Both are equal if the sheet is loaded in its plane, or if its ribs are too narrow for bars."""
+    """Return the results for a sheet whose ribs have the torsional stiffness of a sheet, and of a sheet with that of
+    bars. The results are equal if the sheet is loaded in its plane, or if its ribs are too narrow for bars."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:

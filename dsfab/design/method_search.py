@@ -31,17 +31,16 @@ from dsfab.surface import Surface
 EXCHANGEABLE_RULES = ("constant", "graded")  # The search may replace these width rules if there is a solid fraction.
 SPACINGS = (0.75, 1.25)
 """Factors on the default spacings. In flat sheets loaded in their plane, closer stripes are mostly stiffer if the mesh
-is fine enough: for a plate with a hole and 30 % material, the compliance is 0.86 times as large."""
+is fine enough."""
 
 
 @dataclass(frozen=True, eq=False)
 class MethodCandidate:
     """A pattern method, with the results of its trial.
-
-    preset  : preset in which nothing is `auto`.       choice  : modes and phases that were `auto`, best first.
+    preset  : preset without `auto`.                   choice  : modes and phases that were `auto`, best first.
     even    : evenly spaced stripes; None for modes.   sheet   : sheet after the cut; None if the trial failed.
-    grading : (n, f) relative half-width at each vertex, for each family; None without the rule `stressed`.
-    notes   : notes for the design.                    drawn   : the stripes of the built design, or None."""
+    grading : (n, f) relative half-width of f families at n vertices; None without the rule `stressed`.
+    notes   : notes for the design.                    drawn   : stripes of the built design, or None."""
 
     preset: Preset
     attempt: Attempt
@@ -61,9 +60,8 @@ def _stiffest(candidates: list[MethodCandidate]) -> MethodCandidate | None:
 def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best even stripes and the best modes, each with the width rule `stressed`, if the rule may change.
-    Flat sheets gain most: their compliance was 1.2 to 1.7 times that of a topology optimisation with this rule, and 1.3
-    to 3.9 times with other rules."""
+    """Yield the best even stripes and the best modes, each with the width rule `stressed`.
+    Yield nothing if the width rule must not change."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
@@ -86,7 +84,7 @@ def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes, now along the forces of the stiffest sheet of varying thickness.
-    This helps where these forces differ from those of the uncut sheet: a plate had 0.87 times the compliance."""
+    Yield nothing if the width rule must not change, if the user sets directions, or if the pattern follows bending."""
     options = preset.pattern
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not _exchangeable(options.width) or options.is_steered:
@@ -131,8 +129,8 @@ def respaced_candidates(
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """Return the families whose spacing the preset does not set, with `factor` times the default, and the spacings as
-    text. A family is left out if its spacing is under two mesh edges: a member and an opening need one edge each."""
+    """Return the families whose spacing the preset does not set, with `factor` times their spacing, and the spacings as
+    text. Spacings under two mesh edges are left out, because a member and an opening need one edge each."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
         family: Family = getattr(preset.pattern, name)
@@ -164,8 +162,8 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
-    """Return a candidate. If its openings would be filled and form a solid plate, try `uncrowded_changes` of [pattern].
-    All are built, and the best one by `Attempt.rank` is returned.
+    """Return a candidate. If filled openings would form a solid plate, try `uncrowded_changes` of [pattern] and return
+    the best candidate.
     draw : function that returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
@@ -193,9 +191,8 @@ def uncrowded_candidate(
 
 
 def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[dict[str, object]]:
-    """Yield up to four changes of [pattern] that may avoid a solid plate of filled openings.
-    They are: a larger `keep`, if the plate is nearer than a spacing to kept material; a larger spacing; both families,
-    or only the family of arches; and a rotation."""
+    """Yield up to four changes of [pattern] that may avoid a solid plate of filled openings: a larger `keep`, a larger
+    spacing, other families, and a rotation."""
     options, surface, load = design.preset.pattern, design.surface, design.statics.load
     spacings = {name: getattr(options, name).distance(surface.area, surface.mean_edge) for name in options.family_names}
     distance = np.linalg.norm(surface.V[load.supported | load.loaded] - plate.place, axis=1).min(initial=np.inf)
@@ -262,8 +259,8 @@ def _with_quality(
     cells: Sheet,
     sheet: Sheet,
 ) -> MethodCandidate:
-    """Return a candidate with its sheet, and the number of dead ends and slits in it.
-    worth : its compliance (J), the ratio to that of the uncut sheet, and the share of material, for its `Attempt`."""
+    """Return a candidate with its sheet, and with the number of dead ends and slits of this sheet.
+    worth : compliance (J), its ratio to that of the uncut sheet, and the share of material."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
     attempt = Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits)
@@ -275,8 +272,8 @@ def _exchangeable(width: Width) -> bool:
 
 
 def _width_variants(width: Width) -> dict[str, Width]:
-    """Return width rules to try, by name. The third is `graded` with half of the power q, so that widths differ less:
-    widths in proportion to forces are best for bars without bending, but members also carry their weight."""
+    """Return width rules to try, by name. The third rule is `graded` with half of the power q, because members that
+    carry their weight need smaller differences of width."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -285,16 +282,13 @@ def _width_variants(width: Width) -> dict[str, Width]:
 
 
 NEAR_BEST = 0.1
-"""Candidates are solved again with more accurate elements if their compliance exceeds the best by less than 10 %.
-Trials have no fillets, so their solid fraction is wrong by up to 8 %; their elements are up to 26 % too stiff for
-members one triangle wide. On a bracket, modes were 3 % worse than stripes in the trial, and 28 % better when built."""
+"""Candidates are built and solved again by accurate elements if their compliance exceeds the best by less than 10 %.
+Trials are too inexact to decide between such candidates."""
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
-    """Return the best candidate for the pattern method, and all attempts, best first.
-    The best has the fewest dead ends; of these the fewest slits; of these the smallest compliance times material. See
-    `Attempt.rank`. Accurate elements decide between nearly equal ones. Raises PatternError if none carries its
-    loads."""
+    """Return the best candidate for the pattern method, and all attempts, best first (see `Attempt.rank`).
+    Accurate elements decide between nearly equal candidates. Raises PatternError if no candidate carries its loads."""
     candidates: list[MethodCandidate] = []
     for method, halve in methods(preset):
         with log.row("method"):
@@ -308,7 +302,7 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
     stiffest = ranked[0]
     if stiffest.attempt.refused:
         raise PatternError(
-            f"pattern.method = 'auto': no method has stripes that carry the loads; the first failed because: "
+            f"pattern.method = 'auto' found no stripes that carry the loads; reason for the first method: "
             f"{candidates[0].attempt.refused}"
         )
     log.notes.extend(stiffest.notes)
@@ -318,8 +312,8 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return the candidates, of which the best ones, up to four, are built and solved again if they are nearly equal.
-    The very best is built last, so that slicing can continue from its trial cut."""
+    """Return the candidates. If the best ones are nearly equal, up to four of them are built and solved again. The very
+    best is built last, so that slicing can continue from its trial cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]

@@ -55,8 +55,7 @@ class DesignDraft(NamedTuple):
 def measured_pattern(
     design: PatternedDesign, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
-    """Return the quality of a pattern, measured on its stripes or, after the cut, on its cells.
-    After the cut of a tidied pattern, dead ends and slits are those of the sheet.
+    """Return the quality of a pattern, measured on its stripes before the cut, and on its cells after the cut.
     symmetry : True to measure the symmetry error, too, which takes longest.
     cells    : all cells of the cut; None before the cut.
     sheet    : the sheet after slicing; default: all material."""
@@ -96,10 +95,9 @@ def _sheet_quality(
 
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
-    """Return the quality of a family, with only those dead ends that are still in the cut sheet.
-    An end does not count if its material was removed. It does not count either if its member continues, for example as
-    a member of the other family around a singular point of the stress.
-    reach      : metres; without material within this distance, the end was removed.
+    """Return the quality of a family, with only those dead ends that remain in the cut sheet. An end that continues as
+    a member of the other family does not remain.
+    reach      : metres; an end was removed if no material is within this distance.
     half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
@@ -208,12 +206,10 @@ def _asymmetric_share(
     surface: Surface, faces: Surface, symmetry: Symmetry, material: Callable[[Floats], Bools], samples: int = 120_000
 ) -> float:
     """Return the share of the area where material differs from its symmetric image, for the worst image.
-
-    surface  : the uncut surface; rotations and mirrors are about its centroid.
-    faces    : the chart or the cells. Sample points in them stand for equal areas; they form no rows, which could lie
-               along the edge of a member.
-    material : returns True (p,) for points (p, 3) whose nearest place on the faces is material.
-    samples  : points times images, about; with 24,000, eight images gave 0.40 in place of 0.55 %."""
+    surface  : uncut surface; its centroid is the centre of rotations and mirrors.
+    faces    : chart or cells with sample points. The points stand for equal areas, and form no rows.
+    material : function of points (p, 3); returns True (p,) if the nearest place on the faces is material.
+    samples  : approximate number of points times number of images."""
     centre = centroid(surface)
     cumulated_area = np.cumsum(faces.areas)
     number = np.arange(samples // symmetry.order)
@@ -236,7 +232,7 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
     """Return the largest group of filled openings with at most `apart` metres between neighbours, or None.
-    samples : number of an opening's largest cells that must be filled for the opening to count as filled."""
+    samples : number of largest cells of an opening that must be filled if the opening counts as filled."""
     openings = openings_of(before)
     if openings is None:
         return None
@@ -258,7 +254,7 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
 
 def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
     """Return the largest solid plate in which members of a single family touch outside kept regions, or None.
-    The number of its filled openings is estimated as its area divided by the square of the spacing."""
+    The number of its filled openings is about its area divided by the square of the spacing."""
     if options.families == "both":
         return None  # with two families, `largest_filling` finds plates
     touch = pattern.half_width(options.families) >= SOLID

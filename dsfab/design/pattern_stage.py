@@ -90,16 +90,16 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
-    """Return the angle between principal directions of two stresses (m, 3, 3), degrees: mean, and 95 % quantile by
-    area. In the mean, the weight of a face is its area times the difference of its principal stresses `before`. The
-    quantile is only for faces with clear directions."""
+    """Return the mean and the 95 % quantile of the angle (degrees) between principal directions of two stresses (m, 3,
+    3). A face has the weight area times difference of its principal stresses `before` in the mean. The quantile by area
+    counts only faces with clear directions."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
     axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
     angle = np.degrees(np.arctan2(across, np.abs(np.einsum("mi,mi->m", axis_before, axis_after))))
     half_difference = (stress[:, 0] - stress[:, 1]) / 2
     size = surface.areas * half_difference
-    # clear: half the difference of the principal stresses exceeds a tenth of the stress
+    # clear directions: the principal stresses differ enough
     clear = np.flatnonzero(half_difference > 0.1 * np.linalg.norm(before, axis=(1, 2)))
     clear_by_angle = clear[np.argsort(angle[clear])]
     cumulated_area = np.cumsum(surface.areas[clear_by_angle])
@@ -127,8 +127,8 @@ class ChosenMethod(NamedTuple):
 def chosen_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None = None
 ) -> ChosenMethod:
-    """Choose the method, modes, phases and forces of the stripes; widths follow in `pattern_stage`.
-    earlier : stripes of an earlier design, used again if they are the same by `same_stripes`."""
+    """Choose the method, modes, phases and forces of the stripes. `pattern_stage` adds the widths.
+    earlier : stripes of an earlier design, for reuse if they do not change."""
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:
         log.note("pattern", f"weight_rounds has no effect on method = '{preset.pattern.method}', only on 'stripes'")
@@ -167,7 +167,7 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
     """Return stripes with approximate widths, for a first picture; this takes a tenth of the time.
-    Corners are not rounded, nor openings filled. Raises PatternError if no width gives the requested share."""
+    Corners are not rounded, and openings not filled. Raises PatternError if no width gives the requested share."""
     candidate = chosen.way
     return sketched_step(candidate.preset, analysis, candidate.choice, candidate.grading, candidate.even)
 

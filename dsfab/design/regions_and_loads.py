@@ -40,9 +40,9 @@ IMAGE_DIFFERENCE = 0.3
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
-    """Return the surface with cuts along the outlines of the preset's regions; voids are cut out.
-    Raises SurfaceError if a region is outside of the surface, if a support or a load is inside voids, or if voids
-    separate a piece of the surface from the supports."""
+    """Return the surface without voids, cut along the outlines of the preset's regions.
+    Raises SurfaceError for a region outside of the surface, and for a support or load inside voids. Raises it, too, if
+    voids separate a piece of the surface from the supports."""
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
     for k in voids:
@@ -62,8 +62,8 @@ class Acting(NamedTuple):
 
 def acting_on(preset: Preset, surface: Surface) -> Acting:
     """Return the supports and the loads of a preset on its surface.
-    Pickers select vertices before voids are cut out, so the edge of a void is no boundary for them. Raises SurfaceError
-    if all vertices of a picker are inside voids."""
+    Pickers select vertices before voids are cut out, so they do not count the edge of a void as a boundary.
+    Raises SurfaceError if all vertices of a picker are inside voids."""
     section = preset.surface
     if not preset.pattern.voids:
         return Acting(section.support, section.load)
@@ -155,8 +155,8 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
 @dataclass(frozen=True, eq=False)
 class Loading:
     """A load case or a combination for which results are computed.
-    name    : of the case or the combination; '' for the sum of all cases.
-    factors : factors of the cases in a combination, whose result is the sum of theirs; None for a case."""
+    name    : name of the case or the combination; '' for the sum of all cases.
+    factors : factors of the cases in a combination; None for a case."""
 
     name: str
     load: LoadCase
@@ -184,7 +184,7 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
 @dataclass(frozen=True, eq=False)
 class CoveringLoads:
     """Material of a cut sheet that carries loads on a covering, such as glass, on the m faces of the uncut surface.
-    to      : (m,) for each face, the face with material that carries its covering; -1 if there is none.
+    to      : (m,) number of the face with material that carries the covering of each face, or -1.
     area    : (m,) area of material in each face, m2.    place : (m, 3) centre of this material, metres.
     opening : (m,) number of the opening to which a face belongs; -1 for faces with material."""
 
@@ -216,8 +216,8 @@ class CoveringLoads:
         if len(lost):
             place = ", ".join(f"{x:.3g}" for x in self.surface.centroids[lost[0]])
             raise StaticsError(
-                f"the load near ({place}) m has no support, because the cut leaves no material of that piece of the "
-                "surface; load other faces, or change a phase, a mode or pattern.rim"
+                f"the load near ({place}) m has no support, because that piece of the surface has no material; load "
+                "other faces, or change a phase, a mode or pattern.rim"
             )
         force = self._by_opening(load)
         turning = np.cross(self.surface.centroids, load) - np.cross(self.place, force)
@@ -268,9 +268,9 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """Return forces (k, 3), N, at places (k, 3). In each group, their sum is zero and their moment is that of the group
-    (g, 3), N m. They are distributed as in a bolt group with bolt areas `weight` (k,). Places on a line take no moment
-    about this line."""
+    """Return forces (k, 3), N, at places (k, 3), as in bolt groups. In each group, their sum is zero, and their moment
+    is that of the group. Places on a line take no moment about this line.
+    group  : (k,) group of each place.    weight : (k,) bolt areas.    moment : (g, 3) moments of g groups, N m."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -288,9 +288,8 @@ LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
     """Return a clause about the first load on pieces without support, or ''.
-    A load whose material was cut away moves to the nearest material (`sheet_load`). But a load on a piece without
-    support is lost, even if other material is near. Up to 1 % of a load may be lost.
-    material : all material, with loose pieces.    sheet : the material without them."""
+    A load on such a piece is lost, even if supported material is near. Up to 1 % of a load may be lost.
+    material : all material, with loose pieces.    sheet : the material without loose pieces."""
     dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
         size = np.linalg.norm(load.point, axis=1) * load.loaded
@@ -316,14 +315,13 @@ def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> d
 
 def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: CoveringLoads | None = None) -> LoadCase:
     """Return the supports and loads of the uncut surface on a sheet that was cut from it.
-
-    A concentrated force on a removed vertex moves to the nearest vertex of the sheet, which changes its moment. Weight
-    and loads on material act on the remaining material. A load on a covering acts on the nearest material with the same
-    resultant and moment (see `CoveringLoads`).
-
     covering : the `CoveringLoads` of this sheet, if the caller has it.
 
-    Raises StaticsError as `sheet_supports`, and if no material is near a concentrated force."""
+    A concentrated force on a removed vertex moves to the nearest vertex of the sheet, which changes its moment. Weight
+    and loads on material act on the remaining material. A load on a covering acts on the nearest material, with the
+    same resultant and moment.
+
+    Raises StaticsError if no supported vertex remains, and if no material is near a concentrated force."""
     supported = sheet_supports(surface, sheet, load)
     point = _moved_forces(surface, sheet, load.point)
     if load.parts is None:
@@ -339,8 +337,7 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
     """Return the supports of the uncut surface on a sheet that was cut from it, without loads.
-    Springs at removed vertices are lost. Edges that are part of a clamped edge are clamped.
-    Raises StaticsError if no supported vertex remains."""
+    Springs at removed vertices are lost. Raises StaticsError if no supported vertex remains."""
     sheet_vertex = sheet.same_vertex()
     fixed = sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges))
     remaining = np.flatnonzero(sheet_vertex >= 0)

@@ -44,23 +44,23 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
-    """Return which slits are filled, so that members merge: those of `merging_rule`, or none.
-    Only tidied stripes merge, because the mass of a topology optimisation with the same preset must not change."""
+    """Return the kind of slits that are filled, so that members merge.
+    Stripes that are not tidied do not merge, so that a topology optimisation of the same preset keeps its mass."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
 
 def merging_rule(preset: Preset) -> Merging:
-    """Return the rule for filling slits: all slits, or only those between members that come too close together.
-    If more than half of the surface is solid, most openings are narrower than members, but must stay."""
+    """Return the rule for filling slits: all slits, or only those between members that come too close together. The
+    second rule is for solid fractions over one half, for which most openings are narrower than members."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
 def trial_cut(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> TrialCut | None:
-    """Return the cut of a pattern, finished as far as the first rounding of corners; None if no material is left.
-    It uses the defaults of [slicing], because the pattern must not depend on a later section.
+    """Return the cut of a pattern, finished up to the first rounding of corners; None if no material is left.
+    The cut uses the defaults of [slicing], because the pattern must not depend on a later section.
     polygons : the surface cut along the pattern, if the caller has it."""
     preset = preset.model_copy(update={"slicing": Slicing()})
     options = finishing_options(preset, surface, pattern)
@@ -69,8 +69,8 @@ def trial_cut(
 
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
-    """Return a trial cut with bridges (for a workshop also with least widths), and the share of the surface that they
-    add. A bridge is material across a place where rounded members are too close together."""
+    """Return a trial cut with bridges, and the share of the surface that they add. A workshop also gets least widths.
+    A bridge is material across a place where rounded members are too close together."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
         trial = trial.with_least_widths(*_usual_widths(preset, surface))
@@ -78,8 +78,8 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return the smallest width of openings and of their narrow places (necks), metres, or 0.
-    Smaller openings are filled, and narrower necks bridged. By default a neck is about as wide as the thickness."""
+    """Return the smallest width of openings and of their narrow places (necks), metres, or 0. Smaller openings are
+    filled, and narrower necks are bridged."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
@@ -105,7 +105,7 @@ class WorkshopWidths(NamedTuple):
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     """Return the least widths of a preset on a surface, from [slicing] or by default; 0 without `pattern.workshop`.
     The default for members is half of the thickness, about the width of a cutter. A larger limit in [slicing] is not
-    used here: it widens members later, between openings with round corners."""
+    used here, because it widens members later."""
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     slicing, thickness = preset.slicing, preset.statics.thickness
@@ -118,7 +118,8 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 
 def usual_gap(thickness: float, size: float) -> float:
     """Return the default least width (m) of openings. size : diagonal of the surface's bounding box, metres.
-    It is a quarter of the thickness, but at least 3 mm for a saw blade; for small designs, a 500th of the size."""
+    It is a quarter of the thickness, but at least 3 mm for a saw blade. For small designs, a 500th of the size replaces
+    the 3 mm."""
     return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 
@@ -132,8 +133,8 @@ def _least_requested_member(options: Pattern, surface: Surface) -> float:
 
 
 def least_member(options: Pattern, surface: Surface) -> float:
-    """Return the default least width (m) of evenly spaced members of varying width: half of the width that all members
-    would have with equal widths. Without a solid fraction, half of the surface counts as material."""
+    """Return the default least width (m) of evenly spaced members of varying width. It is half of the width of equal
+    members. Without a solid fraction, half of the surface counts as material."""
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
@@ -178,7 +179,7 @@ def places_phrase(count: int) -> str:
     return f"{count} places" if count > 1 else "one place"
 
 
-FILLED_PLATE = 5  # So many neighbouring filled openings form a plate; at a member's end up to three are filled.
+FILLED_PLATE = 5  # Smallest number of neighbouring filled openings that form a plate.
 
 
 def slicing_step(
@@ -247,8 +248,9 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
 def filled_plate(
     options: Pattern, surface: Surface, load: LoadCase, pattern: PatternResult, cells: tuple[Sheet, Sheet]
 ) -> FilledOpenings | None:
-    """Return the largest group of filled openings if it forms a plate; None if it lies around a small closed support.
-    cells : all cells before and after finishing."""
+    """Return the largest group of filled openings if it forms a plate. Return None if it lies around a small closed
+    support.
+    cells : all cells before finishing, and after it."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
     filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)
@@ -345,7 +347,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
-    """Thicken the sheet: stage 6. It is thickened along the normals of the uncut surface, interpolated on the cells.
+    """Thicken the sheet along the normals of the uncut surface: stage 6.
     Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
@@ -353,9 +355,9 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
         if offset.smallest < options.thinnest:
             x, y, z = surface.V[offset.tightest]
             raise SolidError(
-                f"the surface bends so sharply at ({x:.4g}, {y:.4g}, {z:.4g}) m that the sheet would keep "
-                f"{offset.smallest:.0%} of its thickness (allowed: {options.thinnest:.0%}); reduce "
-                "statics.thickness, smooth the surface, or lower thickening.thinnest"
+                f"the surface bends so sharply at ({x:.4g}, {y:.4g}, {z:.4g}) m that only {offset.smallest:.0%} of "
+                f"the thickness would remain (allowed: {options.thinnest:.0%}); reduce statics.thickness, smooth the "
+                "surface, or lower thickening.thinnest"
             )
         D = slicing.sheet.carry_corners(offset.at_corners(surface.F), surface.F)
         cells = slicing.cells

@@ -42,9 +42,8 @@ class _LatestLayers(NamedTuple):
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
-    """Return the kept regions, which are material in every pattern.
-    With symmetric stripes, those around supports and loads are united with their symmetric images, because their edges
-    are uneven by up to one mesh edge. The user's regions do not change."""
+    """Return the kept regions, which are material in every pattern. With symmetric stripes, the regions around supports
+    and loads are united with their symmetric images. The user's regions do not change."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
@@ -57,7 +56,7 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStr
 
 def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
     options = preset.pattern.keep, preset.pattern.rim, preset.pattern.region
-    # all trials of `auto` use the same layers, which saves a tenth of their time
+    # all trials of `auto` use the same layers, to save time
     latest: _LatestLayers | None = derived_results(load).get(_LatestLayers)
     if latest and latest.options == options and latest.surface() is surface:
         return latest.layers
@@ -114,15 +113,14 @@ def corrected_pattern(
     bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
     """Return stripes that cover the requested share of the surface after finishing, and the covered share.
-
     draw_pattern  : function that draws stripes, for the share that finishing will add, and a guess of the width factor.
     nearest_share : function that returns the measured share of the latest stripes that is nearest to a target.
     added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
-    bridged_share : function that returns the share of added bridges. It is slow, and mostly 0. So it runs once after a
-                    search without bridges, and in later trials only if it was not 0.
+    bridged_share : function that returns the share of added bridges. It is slow, so it runs only once if its result is
+                    0.
 
-    Stripes get the requested share minus the added one, which depends little on widths. But it jumps if openings close;
-    then the search takes middle values between a smaller and a larger total."""
+    Stripes get the requested share minus the added share. The added share jumps if openings close; then the search
+    takes middle values between a smaller and a larger total."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -145,7 +143,7 @@ def corrected_pattern(
         latest = trials[-1] = latest._replace(added=latest.added + bridges, total=latest.total + bridges)
         trials[:-1] = []  # earlier trials have no bridges
         latest = converge(latest)
-    for k in range(8):  # from the fourth round on, the error may be as large as the preset allows
+    for k in range(8):  # the first three rounds try for a smaller error than the preset allows
         accepted = max(tolerance, UNREPORTED) if k >= 3 else UNREPORTED
         if min(abs(trial.total - requested) for trial in trials) <= accepted or not (
             middle := _middle_target(trials, requested)
@@ -164,11 +162,11 @@ def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0
 
 
-EXACT = 1e-9  # Shares that differ by less than this count as equal, because sums have rounding errors.
+EXACT = 1e-9  # Difference up to which shares count as equal.
 COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Factors on the approximate widths that decide where members are so close that their openings close. Smaller factors
-close fewer openings: with very different widths, the closed ones alone may exceed the requested share."""
+"""Factors on the approximate widths that decide which openings close, between members that are too close. Smaller
+factors close fewer openings."""
 SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that measure shares.
 
 
@@ -176,7 +174,7 @@ class WidthSearch(NamedTuple):
     """Options of the search for widths with which layers cover pattern.width.solid_fraction of the surface.
     share     : function that returns the share of the surface that layers cover.
     tolerance : largest error of the share.    guess : width factor of a similar pattern, or 0.
-    counted   : faster, less accurate function in place of `share`, for the beginning of the search.
+    counted   : faster, less accurate `share` for the beginning of the search, or None.
     added     : share that finishing will add, for example by rounded corners."""
 
     share: Callable[[Sequence[Layer]], float]
@@ -188,9 +186,9 @@ class WidthSearch(NamedTuple):
 
 @dataclass
 class _MeasuredShares:
-    """Function that cuts the surface along layers, and returns the share of it that they cover.
-    reached : all measured shares.    layers, polygons : the latest layers, and the surface cut along them.
-    trial   : the latest cut with finishing."""
+    """Function that cuts the surface along layers, and returns the share of the surface that they cover.
+    reached  : all measured shares.    layers : the latest layers.
+    polygons : surface cut along the latest layers.    trial : latest cut with finishing."""
 
     preset: Preset
     given: StressedSurface
@@ -235,9 +233,9 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern. Kept regions are cut before stripes, because a layer does not cut earlier layers.
+    """Return the pattern. Kept regions come before stripes, because a layer does not cut earlier layers.
     preset  : preset with chosen modes and phases.    choice : choice of modes and phases, if they were `auto`.
-    grading : (n, f) relative half-widths.    even : evenly spaced stripes; see `drawable_families`."""
+    grading : (n, f) relative half-widths of f families.    even : evenly spaced stripes; None for modes."""
     options, surface = preset.pattern, analysis.surface
     with log.stage("pattern", "drawing stripes"):
         kept_layers = kept_regions(preset, surface, analysis.load, even)
@@ -300,9 +298,9 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 
 def least_width(preset: Preset, surface: Surface) -> float:
-    """Return the default least width (m) of evenly spaced members of varying width.
-    It is the thickness for graded members, and the least width of a workshop for stressed members. Without this limit,
-    slicing would have to widen members, slowly, with material that members with larger forces need."""
+    """Return the default least width (m) of evenly spaced members of varying width. It is the thickness for graded
+    members, and the least width of a workshop for stressed members. So slicing need not widen members, which is
+    slow."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -370,12 +368,10 @@ def _layers_with_share(
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
     """Return layers that cover the requested share, and their width factor. `factor` decides which openings close.
-
     solve : function that finds the x of the requested share. It gets a function that returns the share at x * `factor`.
 
-    The search repeats with slightly more or fewer closed openings in two cases: if an opening that closes makes the
-    share jump, and if the final width factor is over 2.5 times larger or smaller than `factor`. Many closed openings
-    with thin stripes can have the same share as few with thick stripes."""
+    The search repeats with slightly more or fewer closed openings in two cases. The share may jump because an opening
+    closes. Or the final width factor is over 2.5 times larger or smaller than `factor`."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)
@@ -420,11 +416,9 @@ def drawable_families(
     even: EvenStripes | None = None,
 ) -> Sequence[DrawableFamily]:
     """Return the families of stripes: major stripes along the first principal stress, minor stripes along the second.
-
     radius  : distance (m) over which slopes are averaged, see `Widths.radius`.
     grading : (n, f) relative half-widths for the rule `stressed`; default: those of the rule `graded`.
     even    : evenly spaced stripes; None for stripes on modes.
-
     Raises PatternError for a mode that was not computed."""
     surface, diffusion = analysis.surface, analysis.diffusion
     options, families = preset.pattern, list[DrawableFamily]()

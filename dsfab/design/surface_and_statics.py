@@ -44,9 +44,8 @@ from dsfab.surface import SizeField, Surface, change_sizes, coincident, parallel
 
 @dataclass(frozen=True, eq=False)
 class SolvedSheet:
-    """Solution of a sheet for all loads, by one factorisation for all cases. Combinations are sums of solved cases.
-
-    acting    : the cases and combinations.         plane : True for a flat sheet in its plane, without bending.
+    """Solution of a sheet for all loads, by one factorisation.
+    acting    : cases and combinations.       plane : True for a flat sheet in its plane, without bending.
     made      : (N, N) stiffness, N/m, by the elements that solved the sheet.
     factor_of : function that factorises a stiffness, and stores the factor.
     answers   : equilibrium under each load.    sigma : (m, 3, 3) stress (Pa) of the middle surface under each load."""
@@ -90,8 +89,7 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 MOST_VERTICES = 200_000
 """Largest number of vertices for which accurate elements replace `hinge` elements.
-With 250,000 vertices, their factorisation takes 17 GB (`hinge`: 3.6 GB) and four times as long as all other stages.
-With a million vertices, for which `hinge` needs 16 GB, it would never end."""
+With 250,000 vertices, their factorisation takes 17 GB (`hinge`: 3.6 GB)."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
@@ -176,13 +174,14 @@ def _note_case_answers(under: str, answers: Answers, sheet: Statics, log: Log) -
         )
 
 
-BENDING_SHARE = 0.5  # With a larger share of bending in the energy, statics.stress = "auto" means "layers".
+BENDING_SHARE = 0.5  # Smallest share of bending in the energy for which stress "auto" means "layers".
 
 
 class FollowedStress(NamedTuple):
-    """Stress (m, 3, 3), Pa, that the pattern follows in each case and combination, and a note for the user, or ''.
+    """Stress (m, 3, 3), Pa, that the pattern follows in each case and combination.
     sigma   : stress in the middle of the thickness, or at the lower side of a slab.
-    layered : stress of all layers of the thickness, if the pattern follows them; else None."""
+    layered : stress of all layers of the thickness; None if the pattern does not follow them.
+    told    : note for the user, or ''."""
 
     sigma: Sequence[Floats]
     layered: Sequence[Floats] | None = None
@@ -217,7 +216,7 @@ def followed_layers(
 
 def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]) -> float:
     """Return the share of bending in the strain energy under the loads that the pattern follows, 0 to 1.
-    With `hinge` elements it is only approximate (see `hinge_energy`)."""
+    For `hinge` elements the share is only approximate (see `hinge_energy`)."""
     weights = [preset.followed_weights.get(loading.name, 0.0) for loading in acting]
     bent = sum(w * float(a.stress.bending_energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
     total = sum(w * float(a.stress.energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
@@ -296,7 +295,7 @@ def statics_step(
     preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = (), solved: SolvedSheet | None = None
 ) -> StaticsResult:
     """Solve all load cases, and compute the results that [statics] requests.
-    acting : loads in place of those of the preset.    solved : result of `checked_sheet`, if the caller has it."""
+    acting : loads that replace those of the preset.    solved : result of `checked_sheet`, if the caller has it."""
     solved = solved or checked_sheet(preset, surface, log, acting)
     answers = answers_step(preset, surface, solved, log)
     with log.row("stress"):
@@ -310,7 +309,7 @@ def statics_step(
 
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
     """Return the statics without accurate elements, for a sketch.
-    Return None if no accurate elements are used, or if the stress that the pattern follows may depend on them."""
+    Return None if this saves no time, or if the stress that the pattern follows may need accurate elements."""
     sheet = preset.statics
     if sheet.analyses.elements_for(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
         return None

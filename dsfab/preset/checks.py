@@ -113,8 +113,8 @@ def combines(loads: Sequence[Load], follow: str | None) -> bool:
 def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the weights of the cases or combinations whose stress the pattern follows, by name, without zeros.
-    The default weight is 1. If the pattern follows a sum, `combined_names` gives the names."""
+    """Return the weights of the cases or combinations whose stress the pattern follows, by name. The default weight is
+    1; weights of 0 are left out."""
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
@@ -122,15 +122,15 @@ def follow_weights(
 
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
-    """Return the cases or combinations whose stresses are added for a combined pattern: all combinations that are not
-    for displacements (SLS); if there are none, all combinations; without combinations, all cases."""
+    """Return the cases or combinations whose stresses are added for a combined pattern: all combinations except SLS.
+    If there are only SLS combinations, return all. Without combinations, return all cases."""
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the cases and combinations to check in a limit state: those with this state; if there are none, those
-    without a state; if there are none either, all."""
+    """Return the cases and combinations to check in a limit state. If none has this state, return those without a
+    state. If there are none of these either, return all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):
@@ -257,7 +257,7 @@ def specific_mass(value: float) -> float:
     """Return the density (kg/m3), 0 for no weight. Raises ValueError if it is so small that it must be in t/m3."""
     if 0 < value < LIGHTEST:
         raise ValueError(
-            f"{value:g} kg/m3 is too little for a solid; write {1000 * value:g} for {value:g} t/m3 or g/cm3"
+            f"{value:g} kg/m3 is too little for a solid; write {1000 * value:g} if you mean {value:g} t/m3"
         )
     return value
 

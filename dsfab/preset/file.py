@@ -26,8 +26,8 @@ def load_preset(
     name_or_path: str | Path, overrides: Mapping[str, Any] | None = None, mesh: str | Path | None = None
 ) -> Preset:
     """Return a preset by the name of a shipped preset ("dome"), by its TOML file, or by a folder of `dsfab build`.
-    overrides : dotted keys with values that replace those of the file, e.g. {"pattern.major.frequency": 12}.
-    mesh      : a mesh file that replaces the preset's surface; the supports and loads of the preset stay.
+    overrides : new values by dotted key, e.g. {"pattern.major.frequency": 12}.
+    mesh      : mesh file that replaces the preset's surface. The supports and loads do not change.
     Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values."""
     path = _find(name_or_path)
     values = read_toml(path)
@@ -88,7 +88,7 @@ def require_mesh(preset: Preset) -> None:
 
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset with all defaults as TOML, which builds the same design again.
-    A material is written by its name, with the values that differ from those of the material.
+    A material is written by its name, with only those values that differ from the material.
     for_people : True to write only the size of a mesh from Python, not its numbers."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
@@ -113,7 +113,7 @@ def _read_only(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(values)
 
 
-# without this, pickle finds neither the classes that dsfab makes at import nor the type of a read-only mapping
+# pickle cannot find classes that dsfab makes at import, nor the type of a read-only mapping
 copyreg.pickle(Preset, lambda preset: (preset_from_toml, (preset_toml(preset),)))
 copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 
@@ -140,7 +140,7 @@ def _find(name_or_path: str | Path) -> Path:
         raise PresetError(f"{path} is a folder; give a preset file or one of {', '.join(presets)}")
     raise PresetError(
         f"preset {str(name_or_path)!r} not found{did_you_mean(path.stem, presets)}; "
-        f"give the path of a .toml file or one of {', '.join(presets)}"
+        f"give a .toml file or one of {', '.join(presets)}"
     )
 
 
@@ -185,5 +185,5 @@ def _child(where: Any, part: str, key: str) -> Any:
 
 def _index(where: list[Any], part: str, key: str) -> int:
     if not (part.isdigit() and int(part) < len(where)):
-        raise PresetError(f"--set {key}: {part!r} must be the number of an entry in the list, 0 to {len(where) - 1}")
+        raise PresetError(f"--set {key}: {part!r} is not the number of an entry; use 0 to {len(where) - 1}")
     return int(part)

@@ -77,8 +77,8 @@ class Statics(Section):
     bending: Bending = "hinge"
     """Bending elements: hinge (the paper; for directions), midedge (converges to plate theory), hhj (the best)."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
-    """Stress that the pattern follows. membrane: stress in the middle of the thickness (the paper); but in a flat sheet
-    that only bends, the stress at its lower side. layers: stress of the whole thickness, with bending. auto: layers if
+    """Stress that the pattern follows. membrane: stress in the middle of the thickness (the paper); for a flat sheet
+    that only bends, stress at its lower side. layers: stress of the whole thickness, with bending. auto: layers if
     bending stores at least half of the strain energy, else membrane."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
     """Strength (Pa), with which the largest stress is compared: 235e6 for steel S235. 0: no comparison."""
@@ -87,8 +87,8 @@ class Statics(Section):
     buckling: Annotated[int, Ge(0), Le(10)] = 0
     """Number of buckling factors of the uncut sheet to compute."""
     check: bool = True
-    """Refuse a sheet that moves by over a tenth of its span or stands on one vertex, and a support or load far from the
-    surface. false: only report this."""
+    """Refuse a sheet that moves by over a tenth of its span or stands on one vertex. Also refuse a support or load far
+    from the surface. false: only report these faults."""
 
     _named = model_validator(mode="before")(with_material)
 
@@ -157,8 +157,8 @@ class Diffusion(Section):
     modes: Annotated[int, Ge(1), Le(50)] = 5
     """Number of eigenmodes for each family."""
     follow: str | None = None
-    """Name of the case or combination that the pattern follows, or combined: the sum of the absolute stresses of all
-    cases or combinations. Default: combined if there are several cases."""
+    """Name of the case or combination that the pattern follows. combined: sum of the absolute stresses of all cases or
+    combinations. Default: combined if there are several cases."""
     weights: dict[str, float] = Field(default_factory=dict)
     """Weight of each combination in the combined sum, or of each case if there are no combinations; default 1."""
     symmetry: tuple[str, ...] = ()
@@ -204,11 +204,11 @@ class Family(Section):
     mode: Mode = 1
     """Number of the eigenmode; mode 1 is the first that is not constant. auto: the stiffest of the first four."""
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
-    """Stripes per unit of the mode, whose values span 0.5 to 3 units. 0: `spacing` is used in place of the frequency.
-    Evenly spaced stripes have no frequency."""
+    """Stripes per unit of the mode, whose values span 0.5 to 3 units. Evenly spaced stripes have no frequency.
+    0: `spacing` is used instead."""
     spacing: Annotated[float, Ge(0)] = 0.0
-    """Mean distance (m) between the centre lines of stripes. 0: `frequency` is used in its place; evenly spaced stripes
-    then have a twelfth of the root of the surface's area, but at least the mean edge length of the mesh."""
+    """Mean distance (m) between the centre lines of stripes. 0: `frequency` is used instead. Default of evenly spaced
+    stripes: a twelfth of the root of the surface's area, but at least the mean edge length of the mesh."""
     phase: Phase = 0.0
     """Shift of the stripes, in periods. auto: the stiffest of several phases."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
@@ -250,17 +250,17 @@ class Width(Section):
 
     rule: Rule = "plain"
     """plain: widths follow the thresholds (the paper). constant: equal widths in metres. graded: wider where the stress
-    is larger. stressed (stiffest, slowest): cut and solved repeatedly, and widened where the energy is largest."""
+    is larger. stressed (stiffest, slowest): widened where the energy is largest, in several trials."""
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members for rule constant, metres. 0: solid_fraction gives the width."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
     """Exponent: the share of material grows with this power of the stress. For rule stressed: the starting value."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
-    """How often the sheet is cut and solved for rule stressed."""
+    """Number of trials (cut and solve) for rule stressed."""
     min_width: LeastWidth = AUTO
-    """Smallest width of members, metres. 0: no limit. auto for evenly spaced members with rule graded: the thickness,
-    or half of the width that equal members would have if that is less. auto for rule stressed: the same, but with
-    pattern.workshop half of the thickness. auto for all other rules: no limit."""
+    """Smallest width of members, metres. 0: no limit. auto: no limit, with two exceptions for evenly spaced members.
+    Rule graded: the thickness. Rule stressed with pattern.workshop: half of the thickness. In these cases the limit is
+    at most half of the width that equal members would have."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -284,8 +284,8 @@ class Width(Section):
         return 0.0 if self.min_width == AUTO else self.min_width
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
-        """Return the width rule. If only `solid_fraction` defines the width, it begins with 1 % of `length` (m).
-        least : smallest width (m) if `min_width` is auto; it is reduced to `max_width` if larger."""
+        """Return the width rule. If only `solid_fraction` defines the width, the rule begins with 1 % of `length` (m).
+        least : smallest width (m) if `min_width` is auto; at most `max_width` is used."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
         low = min(least, self.max_width or least) if self.min_width == AUTO else self.min_width
@@ -310,9 +310,9 @@ class Pattern(Section):
 
     method: Method = "modes"
     """modes: stripes on eigenmodes (the paper). stripes: evenly spaced stripes along the stress. auto: the stiffest
-    pattern without dead ends and slits. auto compares both methods, with and without halving. For the width rules
-    constant and graded it compares both, and graded also with half of q. For the rule stressed it compares the best
-    design of each method. If the preset sets no spacing, auto also compares several spacings."""
+    pattern without dead ends and slits. auto compares modes, stripes, and stripes with halving. For the width rules
+    constant and graded it also compares these rules, graded with half of q, and stressed widths. If the preset sets no
+    spacing, auto compares several spacings."""
     halve: bool = True
     """For stripes: where they come too close together, every second one ends on a crossing member. false: none ends."""
     families: Literal["both", "major", "minor"] = "both"
@@ -320,14 +320,14 @@ class Pattern(Section):
     symmetry: Literal["auto", "none"] = "auto"
     """For stripes. auto: the pattern has the symmetry of surface, supports and loads. none: it need not have it."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
-    """For stripes: angle (degrees) from the stress to both families, counter-clockwise as seen from the side of the
-    normals, or from outside of a closed surface. 90 exchanges the families."""
+    """For stripes: angle (degrees) from the stress to both families. It is counter-clockwise, seen from the side of the
+    normals or from outside of a closed surface. 90 exchanges the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """For stripes: forces that give directions and graded widths. uncut: forces in the uncut sheet. optimal: forces in
-    the stiffest sheet of varying thickness with as much material (solid_fraction), for stiffer flat designs."""
+    the stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
-    """For stripes: how often the directions are computed again, with only the weight of the stripes; for designs whose
-    weight is most of the load. 0: only once, with the weight of the uncut sheet."""
+    """For stripes: number of times that the directions are computed again with only the weight of the stripes. This is
+    for designs whose weight is most of the load. 0: the weight is that of the uncut sheet."""
     guide: tuple[Guide, ...] = ()
     """For stripes: curves and regions that set their direction."""
     region: tuple[PatternRegion, ...] = ()
@@ -336,7 +336,7 @@ class Pattern(Section):
     minor: Family = Family()
     width: Width = Width()
     tidy: bool | None = None
-    """Remove dead ends as far as the last crossing, and fill openings that are narrower than the members beside them.
+    """Remove dead ends up to the last crossing, and fill openings that are narrower than the members beside them.
     Default: true for evenly spaced stripes, false for stripes on modes (the paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Distance (m) around loads and supports within which the surface stays material; 0: none."""
@@ -345,11 +345,11 @@ class Pattern(Section):
     fillet: Annotated[float, Ge(0)] = 0.0
     """Radius (m) of the corners of openings, smaller where there is no space for it. 0: sharp corners."""
     crowding: Literal["note", "avoid"] = "note"
-    """For stripes: reaction if neighbouring openings would be filled because stripes are too close. note: print a note.
-    avoid: also try a larger keep, a larger spacing, one family and rotate = 45, and take the best pattern."""
+    """For stripes: reaction if stripes are so close that neighbouring openings would be filled. note: print a note.
+    avoid: also try a larger keep, a larger spacing, one family and rotate = 45, and use the best pattern."""
     workshop: bool | None = None
-    """Close narrow openings and their tips, and widen narrow members; the limits are slicing.min_gap and min_member.
-    Default: true for evenly spaced stripes without width rule stressed, false for all others."""
+    """Close narrow openings and their tips, and widen narrow members. The limits are slicing.min_gap and min_member.
+    Default: true for evenly spaced stripes, except with the width rule stressed; false for stripes on modes."""
 
     @model_validator(mode="before")
     @classmethod
@@ -369,12 +369,12 @@ class Pattern(Section):
             raise ValueError("forces = 'optimal' needs the share of material to keep: set width.solid_fraction")
         for name, idle in (("guide", ()), ("rotate", 0.0), ("forces", "uncut")):
             if self.method == "modes" and getattr(self, name) != idle:
-                raise ValueError(f"{name} has no effect on method = 'modes'; set method = 'stripes', or remove {name}")
+                raise ValueError(f"{name} has no effect on method = 'modes'; remove it, or set method = 'stripes'")
         for k, guide in enumerate(self.guide):
             if guide.member and guide.family not in self.family_names:
                 raise ValueError(
-                    f"guide.{k} is a {guide.family} member, but families = '{self.families}' has none of them; set the "
-                    f"guide's family to '{self.families}'"
+                    f"guide.{k} is a {guide.family} member, but families = '{self.families}'; set the family of the "
+                    f"guide to '{self.families}'"
                 )
         return self
 
@@ -390,7 +390,7 @@ class Pattern(Section):
 
     @property
     def rounds(self) -> int:
-        """How often directions are computed again: `weight_rounds` for method stripes, else 0."""
+        """Number of times that directions are computed again: `weight_rounds` for method stripes, else 0."""
         return self.weight_rounds if self.method == "stripes" else 0
 
     @property
@@ -435,16 +435,16 @@ class Slicing(Section):
     pinch: Literal["join", "split"] = "join"
     """Treatment of places where material would only touch at a point. join: add a small disc. split: separate it."""
     min_opening: Annotated[float, Ge(0)] | None = None
-    """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default on modes: 0.
-    Default between evenly spaced stripes: 15 % of their spacing, for tidied stripes at most the thickness; then
-    openings under 35 % of the usual size are filled, too."""
+    """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default on modes: 0. Default
+    between evenly spaced stripes: 15 % of their spacing, for tidied stripes at most the thickness; openings under 35 %
+    of the usual size are then filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Smallest width of openings with pattern.workshop, metres. Narrower openings are bridged, and narrower tips
     filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
-    """Smallest width of members, metres; narrower ones are widened. 0: no limit. With pattern.workshop the limit is for
-    all members; its default is half of the thickness, or the limit of [pattern.width] if that is less. Without, it is
-    for members narrower than 0.8 times the usual width, between openings with round corners, if stripes are tidied."""
+    """Smallest width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop, the default
+    is half of the thickness, or the smaller limit of [pattern.width]. Without pattern.workshop, only very narrow
+    members of tidied stripes are widened: under 0.8 times the usual width, between openings with round corners."""
     improve: bool = False
     """Improve the triangles of the cut mesh by flipping and removing edges, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -476,8 +476,8 @@ class Fabrication(Section):
     min_wall: Annotated[float, Ge(0)] = 0.0
     """Smallest thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
-    """Write files although the design has faults: loads without a path to a support; very thin places where the solid
-    would meet itself; or members and openings under 1 mm and under their limit."""
+    """Write files of a design with faults. Faults are loads without a path to a support, very thin places where the
+    solid would meet itself, and members and openings under 1 mm and under their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
     """Size of the machine along x, y, z, metres; the solid may be turned onto any side."""
 
@@ -500,11 +500,10 @@ class Export(Section):
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"] = "auto"
     """planar: flat or folded designs, with lines and splines. faceted: plane faces. tessellated: triangles for viewers.
-    members: four-sided curved faces that CAD programs cut and measure well; if impossible, as smooth, or as faceted.
-    smooth, compact: a few large curved faces, the smallest file, which CAD programs often cannot cut. auto: planar if
-    possible; else members up to 7000 faces; else smooth if it is fast and OCCT can cut it; else faceted within
-    step_faces; else smooth. quick: as auto, but members only for open surfaces, without the test of a cut, and without
-    smooth at the end, which may take minutes and fail."""
+    members: four-sided curved faces that CAD programs cut and measure well; if impossible, smooth or faceted. smooth,
+    compact: a few large curved faces, the smallest file, which CAD programs often cannot cut. auto: the first that
+    works of planar, members up to 7000 faces, fast smooth that OCCT can cut, faceted within step_faces, and smooth.
+    quick: as auto, but members only for open surfaces, no test of a cut, and no smooth at the end."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Largest error (m) of planar, smooth or simplified STEP. 0: a part of the thickness; no error for faceted STEP."""
     step_mb: Annotated[float, Ge(0)] = 0.0
@@ -547,13 +546,12 @@ class Preset(Section):
         **sections: Any,
     ) -> None:
         """Create a preset from Python objects, with the checks and messages of a preset file.
-
-        surface : a mesh of trimesh, pyvista, compas, in metres (else `Surface.of(mesh, "mm")`); a `Surface`; (V, F):
-                  vertices (n, 3), metres, and faces; the path of a mesh file; the section of another preset; or its
-                  keys as in TOML, and `mesh` for one of these: {"mesh": mesh, "refine": 0.2}.
-        supports, loads, combinations : in place of those of `surface`: `dsfab.Support(...)` ..., or tables as in TOML.
+        surface  : a mesh of trimesh, pyvista or compas, in metres; a `Surface`; (V, F): vertices (n, 3), metres, and
+                   faces; the path of a mesh file; a section of another preset; or keys as in TOML, such as
+                   {"mesh": mesh, "refine": 0.2}. For other units, use `Surface.of(mesh, "mm")`.
+        supports, loads, combinations : objects (`dsfab.Support(...)`) or tables; they replace those in `surface`.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
-        Raises PresetError that lists every mistake with its key in TOML; SurfaceError for an invalid mesh."""
+        Raises PresetError that lists every mistake with its key in TOML, and SurfaceError for an invalid mesh."""
         surface_lists = {"support": supports, "load": loads, "combination": combinations}
         values = {key: plain(value) for key, value in sections.items()}
         if surface is not None:
@@ -576,7 +574,7 @@ class Preset(Section):
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
         """Refuse vertex numbers in guides and regions if a void changes the numbers of the vertices.
-        Supports and loads may use vertex numbers, because their vertices are picked before voids are cut out."""
+        Supports and loads may use vertex numbers, because they are picked before voids are cut out."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [
@@ -588,8 +586,8 @@ class Preset(Section):
         if counted and self.pattern.voids:
             void = region_key(self.pattern.region, self.pattern.voids[0])
             raise ValueError(
-                f"{', '.join(counted)}: pick = 'vertices' needs the vertices of the whole mesh, but the void {void} "
-                "removes some; use pick = 'nearest'"
+                f"{', '.join(counted)}: pick = 'vertices' needs all vertices of the mesh, but the void {void} removes "
+                "some; use pick = 'nearest'"
             )
         return self
 
@@ -622,7 +620,7 @@ class Preset(Section):
 
     def with_thickness(self, thickness: float) -> "Preset":
         """Return the preset with a thickness (m). Round corners get a radius of at least `FILLET` times this thickness.
-        If the thickness was auto, it also becomes the smallest width of members for a workshop."""
+        If the thickness was auto, the members of a workshop get this thickness as their smallest width."""
         slicing, fillet = self.slicing, self.pattern.fillet
         if not self.statics.is_sized and slicing.min_member is None and self.pattern.for_workshop:
             slicing = slicing.model_copy(update={"min_member": thickness})
@@ -648,8 +646,8 @@ class Preset(Section):
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
-        """Return the first stage whose section differs, or None. It is `surface` also if the outline of a region
-        differs, or if [statics] differs and the stress defines the mesh."""
+        """Return the first stage whose section differs, or None. Return `surface` if the outline of a region differs.
+        Return it, too, if [statics] differs and the stress defines the mesh."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

@@ -35,8 +35,8 @@ class Workshop(Section):
     route: Route = "auto"
     """strips: members lie flat in the surface, in bolted layers. planks: members stand upright on the surface, with
     slots at crossings. bars: straight members from node to node, with folded plates. panels: a model of flat faces with
-    tabs. sheet: a flat design in pieces of the stock's size. auto: sheet for a flat design; else strips if they can be
-    bent; else bars if they stay near the surface; else planks if they can be bent and assembled."""
+    tabs. sheet: a flat design in pieces of the stock's size. auto: sheet for a flat design, else the first possible of
+    strips, bars near the surface, and planks."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Length and width of the sheets to cut from, metres; one size or several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()
@@ -86,7 +86,7 @@ class Workshop(Section):
     @classmethod
     def _check_stock(cls, stock: tuple[StockSize, ...]) -> tuple[StockSize, ...]:
         if not stock:
-            raise ValueError("stock is empty; give length and width of a sheet in metres, for instance [2.5, 1.25]")
+            raise ValueError("stock is empty; give length and width of a sheet in metres, such as [2.5, 1.25]")
         return tuple((max(size), min(size)) for size in stock)
 
     @model_validator(mode="after")
@@ -121,8 +121,9 @@ class Eurocode(Section):
     buckling_length: Annotated[float, Gt(0), Le(10)] = 1.0
     """Buckling length, divided by the distance between nodes along the member."""
     bent_in: bool = False
-    """Timber: members consist of straight layers that are bent into shape; the check adds the stress of this bending. A
-    layer has the thickness in [workshop], or the thickness in [statics] divided by `workshop.layers`."""
+    """Timber: members consist of straight layers that are bent into shape, and the check adds the stress of this
+    bending.
+    The thickness of a layer is that in [workshop], or the thickness in [statics] divided by `workshop.layers`."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
         """Yield an error message for each case in `duration` that no load has."""

@@ -59,7 +59,7 @@ class Section(BaseModel):
         except ValidationError as error:
             raise PresetError(f"{type(self).__name__.lower()}: {mistakes(error, type(self))}") from None
 
-    # for preset files, pydantic must not call this constructor, because their message lists mistakes of all sections
+    # pydantic must not call this constructor: messages about preset files list mistakes of all sections
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
@@ -83,7 +83,7 @@ class SurfaceSection(Section):
     """Largest edge length, metres; longer edges are divided. 0: no edge is divided."""
     smooth: bool = False
     """Make the surface smooth: with `refine` by Loop subdivision; with `edge` by new vertices on a smooth surface
-    through the old ones. Boundaries and creases do not change."""
+    through the old vertices. Boundaries and creases do not change."""
 
     @property
     def sums(self) -> tuple[Combination, ...]:
@@ -119,15 +119,15 @@ class OwnSurface(SurfaceSection):
     finest: Annotated[float, Ge(0)] = 0.0
     """Smallest edge length, metres, at the places of `finest_at`; needs `edge`. 0: all edges have equal lengths."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
-    """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress changes if it
-    varies along an edge by a quarter of its root mean square, in a solve on equal triangles."""
+    """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress is that of a
+    solve on equal triangles. It changes if it varies along an edge by a quarter of its root mean square."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
         if self.edge and self.refine:
             raise ValueError("give either edge (a new mesh) or refine (division of long edges), not both")
         if self.finest and not self.edge:
-            raise ValueError("finest needs edge, the edge length where the surface is not curved; give both")
+            raise ValueError("finest needs edge, the edge length of flat places; give both")
         if self.finest_at != "curvature" and not self.finest:
             raise ValueError(f"finest_at = {self.finest_at!r} needs finest, the shortest edge length; give both")
         if self.finest > self.edge:
@@ -166,8 +166,7 @@ class FileSurface(OwnSurface):
     holes, straighten uneven edges."""
     repair: bool = False
     """Repair a raw scan: as `mend`; also split edges with more than two faces, and give all normals the same side.
-    Small pieces (under a twentieth of the largest) are removed, and holes (outline under 15 % of the largest side)
-    filled."""
+    Remove small pieces (under a twentieth of the largest), and fill holes (outline under 15 % of the largest side)."""
     max_triangles: Annotated[int, Ge(1)] | None = None
     """Largest number of triangles in the file; also limits its bytes, vertices and reading time. Default: 4 million."""
 
@@ -217,8 +216,8 @@ Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text
 
 
 class MeshSurface(OwnSurface):
-    """A surface from a mesh in Python. `dsfab.save` writes the mesh to a file, and the saved preset names this file.
-    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F), see `surface_table`."""
+    """A surface from a mesh in Python. `dsfab.save` writes the mesh to a file and names the file in the saved preset.
+    mesh : a `Surface`, a mesh of another library (see `Surface.of`), or (V, F)."""
 
     mesh: Annotated[Mesh, Field(repr=False)]
 
@@ -278,9 +277,10 @@ def plain(value: Any) -> Any:
 
 
 def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
-    """Return the argument `surface` of `Preset` as a table, with the supports, loads and combinations in `lists`.
+    """Return the argument `surface` of `Preset` as a table.
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F): vertices (n, 3),
               metres, and faces (m, 3).
+    lists   : supports, loads and combinations to add to the table.
     Raises SurfaceError for an invalid mesh."""
     if isinstance(surface, str | Path):
         surface = {"file": Path(surface).absolute()}

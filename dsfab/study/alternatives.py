@@ -18,10 +18,10 @@ from dsfab.study.judges import Judge, Judgement, full, quick
 
 @dataclass(frozen=True)
 class Spread:
-    """Statistics of the compliances (J) of all variants of a competitor; the judge `quick` solves each variant once.
+    """Statistics of the compliances (J) of all variants of a competitor, each by one solve.
     tried, carried : number of variants, and number of variants that carry the loads.
     best, mean, worst : compliances of the variants that carry the loads.
-    median : of all variants; a variant that does not carry the loads counts as infinite."""
+    median : median of all variants. A variant that does not carry the loads counts as infinite."""
 
     tried: int
     carried: int
@@ -40,15 +40,16 @@ class Spread:
 
 @dataclass(frozen=True)
 class Competitor:
-    """A structure under the design's loads, or the reason (`error`) why it is missing.
-    variant         : name of the stiffest of several variants, such as "modes 1, 2".
-    area_fraction   : area divided by that of the surface; 1 for an uncut sheet.       mass : kg.
-    thickness       : metres.       pieces : number of the sheet's pieces.       judgement : None with an error.
-    loose           : share of the material that reaches no support; the sheet is without this material.
-    smallest_member : width in metres; None if the sheet has no measurable member.
+    """A structure under the design's loads. If it could not be made or solved, `error` states the reason.
+    variant         : name of the stiffest variant, such as "modes 1, 2".
+    area_fraction   : area divided by the area of the surface.       mass : kg.
+    thickness       : metres.       pieces : number of the sheet's pieces.
+    judgement       : result of the judge; None if there is an error.
+    loose           : share of the material that reaches no support. The sheet does not contain it.
+    smallest_member : width of the narrowest member, metres; None if it cannot be measured.
     spread          : statistics of the variants; None for a single variant.
-    seconds_made    : time to make all variants.     seconds : time to make and to judge all variants.
-    structure       : the judged structure, or a single variant that failed under the loads; for drawings."""
+    seconds_made    : time to make all variants.     seconds : time to make and judge all variants.
+    structure       : the judged structure, or a single variant that failed under the loads."""
 
     name: str
     variant: str = ""
@@ -142,11 +143,11 @@ ALTERNATIVE_WORDS = {
 @dataclass(frozen=True)
 class Alternative:
     """A structure with the mass of a design, under the design's loads.
-    over      : compliance of the design divided by that of the alternative: above 1 the design is softer. The value is
-                infinite if the design does not carry its loads, and 0 if the alternative does not.
-    low, high : interval of `over`, from the error bounds of both compliances.
-    variant   : the best variant, such as "modes 1, 2".     error : reason why the alternative is missing, or ''.
-    level     : description of the check of both compliances, such as "one solve each"."""
+    over      : compliance of the design divided by that of the alternative. Infinite if the design does not carry its
+                loads; 0 if the alternative does not carry them.
+    low, high : interval of `over` from the error bounds of the compliances.
+    variant   : the best variant, such as "modes 1, 2".     error : reason why there is no alternative, or ''.
+    level     : description of the solves, such as "one solve each"."""
 
     name: str
     over: float
@@ -221,9 +222,8 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare a structure with a thinner sheet. Both are solved once; the structure with the fast elements of a search.
-    If the error bounds do not show which is stiffer, more accurate elements solve the structure again. A thinner sheet
-    that bends then gets a full check, because its mesh is coarser than that of the cut sheet."""
+    """Compare a structure with a thinner sheet of the same mass, by one solve each.
+    If the error bounds leave open which one is stiffer, more accurate solves follow."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)
     alternative = _alternative("thinner", design, rival, "one solve each")
@@ -235,10 +235,9 @@ def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternati
 
 
 def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare a structure with the best isotropic stripes. Each pair of modes is cut and solved once with fast
-    elements, as in a search. Then the two best pairs are cut to exactly the design's mass, because 1 % more material
-    makes a sheet 5 % stiffer. More accurate elements judge these pairs and the design, because fast elements make
-    members up to twice too stiff."""
+    """Compare a structure with the best isotropic stripes of the same mass.
+    Each pair of modes is cut and solved once. The two best pairs are then cut to exactly the design's mass. More
+    accurate elements solve these two pairs and the design."""
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
     level = f"one solve each, best of {len(blind.pairs)} pairs"
@@ -254,7 +253,7 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alterna
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
     failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; the first: {tried[0].refused}")
     rival = min(rivals, key=lambda rival: rival.compliance, default=failed)._replace(bound=0.0)
-    # both compliances are too small or both too large, so the error of their ratio is at most 10 %
+    # the two errors have the same sign, so the error of the ratio is at most 10 %
     return _alternative("isotropic", _judged_compliance(quick, task, structure)._replace(bound=0.1), rival, level)
 
 

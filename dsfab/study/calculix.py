@@ -24,9 +24,10 @@ Projection = Callable[[Floats], tuple[Floats, Floats]]  # points -> points on th
 
 @dataclass(frozen=True, eq=False)
 class Wedges:
-    """A solid with one quadratic wedge (C3D15) for each of m triangles, in metres.
-    nodes  : (p, 3).        elements : (m, 15) in CalculiX's order: corners below, corners above, middles of the edges
-             below, middles of the edges above, middles of the upright edges.
+    """A solid with one quadratic wedge (C3D15) for each of m triangles.
+    nodes   : (p, 3) metres.
+    elements : (m, 15) nodes in CalculiX's order: corners below, corners above, middles of the edges below, middles of
+               the edges above, middles of the upright edges.
     columns : (n, 3) nodes of each vertex of the sheet: below, above and in the middle of the thickness.
     middles : (e, 2) nodes of each edge: below and above."""
 
@@ -46,7 +47,7 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     nodes = np.concatenate([corner - up, corner + up, corner, middle - over, middle + over])
     columns = np.arange(n)[:, None] + n * np.arange(3)
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
-    # a face whose normal is opposite to that of its vertices gets its corners in reverse order
+    # reverse the corners of faces whose normal is opposite to that of their vertices
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
     F, numbers = (np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of))
     parts = [columns[F, 0], columns[F, 1], middles[numbers, 0], middles[numbers, 1], columns[F, 2]]
@@ -57,7 +58,7 @@ def solid_compliance(
     solid: Wedges, material: Material, fixed_nodes: Ints, gravity: Floats, seconds: float = 600.0
 ) -> float | None:
     """Return the compliance (J) of a solid under its own weight by CalculiX; None if CalculiX is not installed.
-    fixed_nodes : numbers of nodes that do not move.       gravity : (3,) m/s2.       seconds : time limit.
+    fixed_nodes : numbers of fixed nodes.       gravity : (3,) m/s2.       seconds : time limit.
     Raises StaticsError if CalculiX fails."""
     program = shutil.which(CCX)
     if program is None:
@@ -98,15 +99,15 @@ def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
 
 
-THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # how a force at a vertex splits: node below, above, and in the middle
+THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # shares of a vertex force: node below, above, and in the middle
 
 
 @dataclass(frozen=True, eq=False)
 class WedgeModel:
     """A solid with its supports and forces.
-    solid    : nodes (p, 3), metres, and elements.    fixed : (q, 2) held nodes, each with a held direction (0 to 2).
-    opposite : (r, 3) two nodes and a direction in which they move by opposite amounts, so that the sheet can rotate.
-    force    : (p, 3) newtons."""
+    fixed    : (q, 2) pairs of a held node and a held direction (0 to 2).
+    opposite : (r, 3) pairs of nodes that move by opposite amounts in a direction. So the sheet can rotate.
+    force    : (p, 3) newtons at the nodes."""
 
     solid: Wedges
     material: Material
@@ -118,9 +119,10 @@ class WedgeModel:
 def solid_model(surface: Surface, normal: Floats, thickness: float, material: Material, load: LoadCase) -> WedgeModel:
     """Return a model with one wedge through the thickness for each triangle.
     normal : (n, 3) unit normals at the vertices, all on one side of the sheet.    thickness : metres.
-    Supports hold the middle of the thickness, clamped edges the whole thickness. Raises StaticsError for springs."""
+    Supports hold the middle of the thickness; clamped edges are held through the whole thickness.
+    Raises StaticsError for springs."""
     if load.spring.any():
-        raise StaticsError("the nonlinear check has no springs at supports; hold these supports rigidly for the check")
+        raise StaticsError("the nonlinear check cannot use springs at supports; make these supports rigid")
     across = normal[surface.edges.ends].sum(axis=1)
     normals = iter((normal, across / np.linalg.norm(across, axis=1, keepdims=True)))
     solid = wedges(surface, thickness, lambda points: (points, next(normals)))
@@ -182,15 +184,17 @@ def require_ccx() -> str:
     path = shutil.which(CCX)
     if path is None:
         raise StaticsError(
-            "the nonlinear check needs CalculiX, and its program ccx is not on the path; install it (Debian and "
-            "Ubuntu: apt install calculix-ccx), or leave out --nonlinear"
+            "the nonlinear check needs CalculiX, but its program ccx is not on the path; install CalculiX (Debian "
+            "and Ubuntu: apt install calculix-ccx), or leave out --nonlinear"
         )
     return path
 
 
 def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] = lambda files: False) -> CcxFiles:
-    """Run CalculiX on the lines `text` of an .inp file until it ends, `enough` is True, or `seconds` pass. Return its
-    output. CalculiX is always stopped and its files deleted, even after an interruption."""
+    """Run CalculiX on an .inp file and return its output. Its files are always deleted.
+    text    : lines of the .inp file.
+    seconds : time limit.
+    enough  : function of the output so far; CalculiX is stopped when it returns True."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as name:
         folder = Path(name)
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
@@ -232,7 +236,7 @@ FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
 @dataclass(frozen=True, eq=False)
 class LoadPath:
     """Path of a structure under growing loads.
-    load    : (k,) factors on the loads, first 0.    u : (k, w, 3) displacements of w chosen nodes, metres.
+    load    : (k,) factors on the loads; the first is 0.    u : (k, w, 3) displacements of w nodes, metres.
     whole   : True if the path reaches the last requested factor.    late : True if the time limit ended the path.
     failed  : (f, 2) start point and load increment of each attempt without equilibrium."""
 
@@ -274,11 +278,12 @@ def load_path(
     stop_point: Callable[[LoadPath], int | None] = lambda path: None,
     steps: int = 10,
 ) -> LoadPath:
-    """Return the path of the nodes `watched` (w,), with large displacements. Loads grow to each of `factors` in turn.
+    """Return the path of the nodes `watched` (w,), with large displacements.
     nodes : (p, 3) initial positions, metres.
-    stop_point : function of the path so far; returns the number of the point at which it may stop, or None.
-    Each factor takes `steps` steps; CalculiX halves steps that do not converge, down to a thousandth of the load. The
-    path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails."""
+    factors : factors on the loads. The load grows to each of them in turn.
+    stop_point : function of the path so far. It returns the number of the last point that is needed, or None.
+    steps : number of steps to each factor. CalculiX halves steps that do not converge.
+    The path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails."""
     text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_formatted_rows("%d\n", watched + 1)]
     for factor in factors:
         text.append(f"*STEP, NLGEOM, INC=1000\n*STATIC\n{1 / steps}, 1., 0.001, {1 / steps}\n*CLOAD\n")

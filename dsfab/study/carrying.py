@@ -46,11 +46,11 @@ if TYPE_CHECKING:
 Place = tuple[float, float, float]
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
 BUCKLED_CASES = 3
-"""Number of cases and combinations for which buckling is computed: those with the largest compression. A standard gives
-up to 40 combinations, and each buckling analysis takes as long as a solve."""
+"""Number of cases and combinations for which buckling is computed, those with the largest compression. The number is
+limited because each buckling analysis takes as long as a solve."""
 NARROW_RIB = 3.0
-"""Ratio of mean rib width to thickness. Below it, a solid bar has less than 0.8 times the torsional stiffness of a
-strip of shell (`torsion_share`). A wall with ratio 2.2 moved by 11 % more as a solid in CalculiX than as a shell."""
+"""Smallest ratio of mean rib width to thickness. In a narrower rib, a shell twists too stiffly: a solid bar has
+less than 0.8 times its torsional stiffness (`torsion_share`)."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ class Movement:
 class SupportForce:
     """Force of a support on the structure in a case.
     vertical   : newtons, positive if the support pushes upwards.    horizontal : newtons.
-    direction  : of the horizontal force, degrees from the first horizontal axis (x) to the second (y).
-    thrust     : newtons, the sum of the sizes of the horizontal forces at all vertices; in a ring they cancel out."""
+    direction  : angle of the horizontal force, degrees from the first horizontal axis (x) to the second (y).
+    thrust     : newtons, sum of the magnitudes of the horizontal forces at all vertices."""
 
     support: str
     case: str
@@ -101,13 +101,13 @@ Outcome = Literal["carries", "does not carry", "not judged"]
 @dataclass(frozen=True)
 class Carrying:
     """The verdict on a cut structure, with the values behind it.
-    use      : largest utilisation; None without a strength, and for a structure that does not stand.
-    movement : None for a structure that does not stand.
+    use      : largest utilisation; None without a strength, or if the structure does not stand.
+    movement : largest movement; None if the structure does not stand.
     buckling : lowest buckling factor of the perfect shape; None without compression or without a strength.
     buckling_case : case of the lowest buckling factor, or ''.
-    mass     : of the sheet, kg.     reactions : by support, then by case.
-    faults   : reasons why the structure does not carry.       remarks : on missing values and on assumptions.
-    stress   : (m,) von Mises stress (Pa) of the cut sheet in the case of the most used member, or in the first case."""
+    mass     : mass of the sheet, kg.     reactions : forces by support, then by case.
+    faults   : reasons why the structure does not carry.       remarks : missing values and assumptions.
+    stress   : (m,) von Mises stress (Pa) in the case of the most used member, or in the first case."""
 
     thickness: float
     mass: float
@@ -138,7 +138,7 @@ class Carrying:
 class CutStatics:
     """The cut sheet of a design with a thickness (m), its loads, and results for each case and combination.
     answers : solutions by elements that are accurate enough for reports.
-    stiffness, factor_of : K of the elements for buckling, without springs, and stored factorisations."""
+    stiffness : K of the elements for buckling, without springs.     factor_of : stored factorisations of K."""
 
     design: Design
     thickness: float
@@ -164,8 +164,7 @@ class CutStatics:
 
 def carrying(design: Design) -> Carrying:
     """Return the verdict on the cut sheet of a design; the design stores the result.
-    All cases use one factorisation on the unrefined mesh. A structure that does not stand gives a verdict, no error.
-    Raises the DsfabError of a stage that fails."""
+    A structure that does not stand gives a verdict, no error. Raises the DsfabError of a stage that fails."""
     return design.cached_result("slicing", "carrying", lambda: _carrying(design))
 
 
@@ -223,10 +222,10 @@ def _factors(design: Design) -> dict[str, Mapping[str, float]]:
 
 
 def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
-    """Return the verdict on a solved cut sheet, only with its mass, largest movement and largest utilisation.
+    """Return the mass, largest movement and largest utilisation of a solved cut sheet.
     use : False to leave out the utilisation, which takes longest.
-    The utilisation is by Eurocode. For other materials, or without bays, it is stress divided by strength; the stress
-    is the von Mises stress that 99 % of the area does not exceed."""
+    Steel and timber members are checked by Eurocode. Otherwise, the utilisation is the von Mises stress divided by the
+    strength; 99 % of the area has at most this stress."""
     moved, mass = _movement(statics), _mass(statics.design, statics.thickness)
     if not statics.preset.statics.strength:
         return Carrying(statics.thickness, mass, None, moved, remarks=(NO_STRENGTH,))
@@ -340,10 +339,8 @@ def _movement(statics: CutStatics) -> Movement:
 
 def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
     """Return the span (m) with which movements are compared, and its description.
-    The span is twice the largest distance of a vertex from the supports, measured at right angles to the load: in plan
-    for snow, in height for wind on a wall. So the span of a cantilever is twice its length. If the largest distance in
-    space is longer than that, it is the span, as for a column under its load. The self-weight is left out of the load's
-    direction if there are other loads, because its share changes with the thickness."""
+    The span is twice the largest distance of a vertex from the supports, measured at right angles to the load. The
+    distance in space is used instead if it is longer than this span, as for a column under its load."""
     net, V, parts = load.force.sum(axis=0), surface.V, load.parts
     if parts is not None and (parts.point.any() or parts.bare.any() or parts.covered.any()):
         net = net - surface.areas @ parts.weight
@@ -409,7 +406,7 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
 
 
 def support_shares(supports: Iterable[Support], surface: Surface, sheet: Sheet) -> Floats:
-    """Return the share (s, n', 3) of each support in the reaction at each vertex of a cut sheet.
+    """Return the share (s, n', 3) of each of s supports in the reaction at each of n' vertices of a cut sheet.
     Supports that hold the same direction of a vertex have equal shares."""
     marks = np.array([_held_directions(support, surface, sheet) for support in supports])
     return np.asarray(marks / np.maximum(marks.sum(axis=0), 1))

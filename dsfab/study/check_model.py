@@ -22,14 +22,13 @@ from dsfab.study.verdict.estimates import ModeEstimate
 from dsfab.surface import LoadCase, Surface, support_names
 
 THIN = 0.01
-"""Largest thickness of CPS6 sections, divided by the mean edge length. CalculiX makes solid wedges of these sections;
-thin wedges come closest to plane stress. A cut cantilever was 0.15 to 0.2 % too stiff with a thickness of a third of
-the mean edge. With a hundredth or less, it was 0.02 to 0.03 % too stiff."""
+"""Largest thickness of CPS6 sections, divided by the mean edge length. CalculiX makes solid wedges of CPS6 elements,
+and only thin wedges come close to plane stress."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
-    """Return nodes (n + e, 3), metres, first the vertices, then the middles of edges, and triangles (m, 6).
-    The six nodes of a triangle are its corners, and the middles of its sides 1-2, 2-3 and 3-1."""
+    """Return the nodes (n + e, 3), metres, and the triangles (m, 6) of a surface. The middles of edges follow the
+    vertices. The six nodes of a triangle are its corners, and the middles of its sides 1-2, 2-3 and 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
@@ -37,12 +36,12 @@ def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
 
 def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = None) -> Floats:
     """Return forces (n + e, 3), newtons, on the nodes of six-node triangles. They do the same work as dsfab's loads.
-    force  : (n, 3) newtons on the vertices, which include the part of `spread` on the vertices.
-    spread : loads per area and per length, which also act on the bubble functions of edges.
+    force  : (n, 3) newtons on the vertices, with the part of `spread` that acts there.
+    spread : loads per area and per length.
 
-    The quadratic shape function of a middle node is the bubble function of its edge. That of a corner is its linear
-    function minus half of the bubble functions of its edges. So a middle node takes the force on its bubble function,
-    and each end of its edge loses half of that force."""
+    The shape function of a middle node is the bubble function of its edge. So the node takes the force on the
+    bubble. The shape function of a corner contains minus half of this bubble. So each end of the edge loses half of
+    the force."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
@@ -53,8 +52,9 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
-    """Return the held directions of all nodes as a mask (n + e, 3) for each support, from masks (n, 3) of vertices.
-    Middles follow `held_middles`; if two supports hold the ends of an edge, its middle belongs to the first."""
+    """Return a mask (n + e, 3) of the held directions of all nodes for each support.
+    supports : (n, 3) mask of held directions of the vertices, by name of the support.
+    If two supports hold the ends of an edge, its middle belongs to the first support."""
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
     directions = {}
@@ -79,9 +79,10 @@ def six_node_model(
 ) -> CalculixModel:
     """Return the CalculiX model of a sheet. Faces whose nodes are all fixed do not rotate, as in dsfab.
     supports : (n, 3) mask of held directions of the vertices, by name of the support.
-    steps    : (n + e, 3) newtons, by name of the step, see `nodal_forces`.
+    steps    : (n + e, 3) nodal forces, newtons, by name of the step.
     springs  : (n, 3) newtons per metre at the vertices.
-    element  : CPS6 for a flat sheet that is loaded in its plane, perpendicular to the coordinate `axis`."""
+    element  : S6, or CPS6 for a flat sheet that is loaded in its plane.
+    axis     : coordinate perpendicular to the plane of a CPS6 sheet."""
     surface, material, clamped = sheet.surface, sheet.material, sheet.clamped
     edges = surface.edges
     X, T = six_node_triangles(surface)
@@ -106,12 +107,13 @@ def axes_of_file(axis: int) -> Ints:
 
 
 def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel:
-    """Return the model in CPS6, seen along the coordinate `axis`: the two remaining coordinates become x and y.
-    thickness : largest thickness of the section, metres. A thinner section gets a stiffer material, which preserves
-                displacements, reactions and energy, and increases stresses.
+    """Return the model in CPS6 elements, with the two coordinates of the sheet's plane as x and y.
+    axis      : coordinate perpendicular to the sheet.
+    thickness : largest thickness of the section, metres. A thicker section is replaced by a thinner, stiffer one. It
+                preserves displacements, reactions and energy, and increases stresses.
     Raises StaticsError for a sheet that is not flat."""
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
-        raise StaticsError("a sheet that is not flat cannot be solved in its plane; choose S6 elements")
+        raise StaticsError("the sheet is not flat, so CPS6 elements cannot be used; choose S6 elements")
     turn = axes_of_file(axis)
     nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # + 0.0 turns -0 into 0
     notes = list(model.notes)
@@ -159,8 +161,8 @@ class CheckModel:
 
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
-    """Return the model of a preset's uncut surface, with a step for each case and combination.
-    Elements: S6 shells, or CPS6 for a flat surface loaded in its plane. Raises DsfabError if a stage fails."""
+    """Return the model of a preset's uncut surface, with a step for each case and combination. The elements are CPS6
+    for a flat surface loaded in its plane, else S6 shells. Raises DsfabError if a stage fails."""
     log = Log(progress)
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)

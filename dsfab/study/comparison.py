@@ -35,9 +35,10 @@ NameReport = Callable[[str], None]  # receives the name of the next competitor
 @dataclass(frozen=True, repr=False)
 class Comparison:
     """A design and its competitors under the loads that the pattern follows; a smaller compliance is stiffer.
-    Compliances of several load cases are added with the weights of [diffusion].
-    task      : the common input.    pattern : quality of the design's pattern, unless its widths are scaled.
-    looked_at : alternatives that are not among the competitors; a fast solve compares them."""
+    The compliance is the sum over the load cases, with the weights of [diffusion].
+    task      : common input of the competitors.
+    pattern   : quality of the design's pattern; None if its widths are scaled or it cannot be cut.
+    looked_at : alternatives that are not competitors, compared by a fast solve."""
 
     name: str
     task: ComparisonTask
@@ -104,11 +105,9 @@ def comparison(
 ) -> Comparison:
     """Compare the compliance of the design's cut sheet with competitors of the same mass.
     against : names of `BASELINES`.     judge : judge of the design and the full sheet.
-    rival_judge : judge of the competitors, default `judge`; of several variants it judges the best one by `quick`.
-    refuse  : True to raise an error if the design does not carry its loads. If False, the comparison holds the error,
-              and a design that cannot be cut has no competitors.
-    Raises StaticsError if the design does not carry its loads, for instance a concentrated load on a loose piece.
-    Raises DsfabError for unknown names."""
+    rival_judge : judge of the competitors, default `judge`. `quick` first finds the stiffest of several variants.
+    refuse  : True to raise an error if the design does not carry its loads. If False, the comparison holds the error.
+    Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     rivals = baselines_by_name(against)
     try:
         slicing, thickness = design.slicing, design.preset.statics.thickness
@@ -131,9 +130,9 @@ def compare_at(
     judge: Judge = quick,
     report: NameReport | None = None,
 ) -> Comparison:
-    """Compare sheets whose material covers `share` of the surface; the design's widths are scaled to it. If the design
-    does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names, and for a share that
-    is not between 0 and 1."""
+    """Compare sheets whose material covers `share` of the surface. The design's widths are scaled to this share.
+    If the design does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names, or
+    if `share` is not between 0 and 1."""
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
@@ -224,8 +223,9 @@ Level = Literal["quick", "full"]
 
 @dataclass(frozen=True)
 class Checks:
-    """Options for the checks of a comparison: one solve (quick), or several meshes with an error bound (full).
-    level  : quick or full. None: full for the design, and for competitors if all checks take less than a minute.
+    """Options for the checks of a comparison.
+    level  : quick (one solve) or full (several meshes with an error bound). None: full for the design; full for the
+             competitors if all checks take less than a minute.
     ask    : number of frequencies and buckling factors to compute.        memory : limit of a full check, bytes."""
 
     level: str | None = None
@@ -234,8 +234,8 @@ class Checks:
     progress: Progress = silent
 
     def judge(self, depth: str, every: bool = False) -> Judge:
-        """Return the judge for a depth: quick, full or whole. "whole" is full for uncut sheets, whose coarse meshes
-        make one solve inexact, and quick for cut sheets.
+        """Return the judge for a depth: quick, full or whole.
+        depth : "whole" is full for uncut sheets, which have coarse meshes, and quick for cut sheets.
         every : True to judge all cases; else only those that the pattern follows."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
@@ -258,8 +258,8 @@ def compare(
 ) -> Comparison:
     """Compare the compliance of the design's cut sheet with competitors of the same mass, like `dsfab compare`.
     against : names of `dsfab.study.baselines.BASELINES`.
-    level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, with a tested error bound.
-              None: full for the design, and for competitors if all checks take less than a minute.
+    level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, with an error bound.
+              None: full for the design; full for the competitors if all checks take less than a minute.
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     names = tuple(against)
     design_judge, rival, _ = judges(design, names, Checks(level, progress=progress))

@@ -24,7 +24,8 @@ from dsfab.thickening.wall_thickness import Wall, thinnest_wall
 @dataclass(frozen=True, eq=False)
 class Check:
     """A limit and its measured value, metres (three lengths each for `bed`).
-    name  : key of [fabrication].    value, place, what : measured value, its place and its name; else empty.
+    name  : key of [fabrication].
+    value, place, what : measured value, its place, and the name of the measured part; empty if there is no such part.
     asked : True if the preset sets the limit; False if `least_widths` gives it."""
 
     name: str
@@ -88,9 +89,9 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
-    """Return reasons (clauses) why an export needs the user's consent: loads without support, and places where the
-    sheet had to become as thin as a film; in a workshop design, members and openings under 1 mm and their limit.
-    measured : measures of the design; None leaves out the reasons that need measures."""
+    """Return reasons (clauses) why an export needs the user's consent. Reasons are loads without support, and places
+    where the sheet is a film. In a workshop design, too narrow members and gaps under 1 mm are reasons, too.
+    measured : measures of the design; None leaves out the members and gaps."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
         sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, loads)
@@ -113,7 +114,7 @@ def require_fit(design: Design, measured: FabricationMeasures | None = None, mea
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):
         raise PatternError(
-            f"{'; '.join(why)}. To export the design all the same: --accept, or fabrication.accept = true"
+            f"{'; '.join(why)}. To export it all the same, use --accept or set fabrication.accept = true"
         )
 
 
@@ -173,10 +174,9 @@ class FixedDesign:
 
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
     """Return the design, changed until no check of its [fabrication] fails.
-    For wider members, pattern.width.min_width is raised, or the width of the rim or of the kept region. For wider gaps,
-    pattern.width.min_gap is raised, then slicing.min_opening. Later changes also lower the frequencies.
-    Stages that do not change are not computed again. Raises PatternError if only the thickness or the machine could
-    meet a limit, or if `ATTEMPTS` changes do not suffice."""
+    Least widths of members and gaps are raised first. Later changes also lower the frequencies.
+    Raises PatternError if only the thickness or the machine could meet a limit, or if `ATTEMPTS` changes do not
+    suffice."""
     original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
         if not measured.failed_checks:
@@ -194,8 +194,8 @@ def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesig
         failures = "; ".join(f"{x.name} {_mm(x.limit[0])}: {_mm(x.value[0])}, {x.what}" for x in failed)
         fewer = "raise pattern.*.spacing" if design.pattern.even else "lower pattern.*.frequency, or choose other modes"
         raise PatternError(
-            f"{ATTEMPTS} changes of widths and distances did not meet the limits of fabrication ({failures}); lower "
-            f"the limits, or {fewer}"
+            f"the limits of fabrication are not met after {ATTEMPTS} changes of the widths ({failures}); lower the "
+            f"limits, or {fewer}"
         )
     return FixedDesign(design, measured, _differences(original, design.preset))
 
@@ -203,14 +203,14 @@ def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesig
 def _refuse_unfixable(check: Check) -> None:
     if check.name == "min_wall":
         raise PatternError(
-            f"the thinnest wall is {_mm(check.value[0])}, the limit fabrication.min_wall {_mm(check.limit[0])}: no "
-            "pattern makes walls thicker; raise statics.thickness"
+            f"the thinnest wall is {_mm(check.value[0])}, the limit fabrication.min_wall is {_mm(check.limit[0])}; "
+            "no pattern makes walls thicker: raise statics.thickness"
         )
     if check.name == "bed":
         size, bed = (" x ".join(_mm(x) for x in values) for values in (check.value, check.limit))
         raise PatternError(
-            f"the solid is {size}, the bed of the machine {bed}: no pattern makes it smaller; split it with "
-            "[[thickening.extra]] kind = 'split', or raise fabrication.bed"
+            f"the solid is {size}, the bed of the machine is {bed}; no pattern makes the solid smaller: split it "
+            "with [[thickening.extra]] kind = 'split', or raise fabrication.bed"
         )
 
 

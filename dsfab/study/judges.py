@@ -31,18 +31,17 @@ from dsfab.surface import LoadCase
 @dataclass(frozen=True)
 class CaseResponse:
     """Response of a sheet to a load.
-    compliance, displacement : joules, and largest displacement (m) with its place.
-    stress, tension, compression : largest values (Pa) on the finest solved mesh; see `dsfab.study.verdict.estimates`.
-    triangles   : number of triangles of that mesh.
-    utilisation : stress divided by strength: the value that 99 % of the area does not exceed, and the largest value at
-                  least a rib's width away from corners.
-    reactions   : (3,) newtons, of each entry of surface.support, in their order.
+    compliance   : joules.     displacement : largest displacement (m) with its place.
+    stress, tension, compression : largest values (Pa), see `dsfab.study.verdict.estimates`.
+    triangles    : number of triangles of the mesh on which the stress was computed.
+    utilisation  : stress divided by strength: on 99 % of the area, and away from corners.
+    reactions    : (3,) newtons for each support, in the order of surface.support.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
-    buckling, frequency : lowest buckling factor and frequency (Hz); None if not requested or not found.
+    buckling     : lowest buckling factor, or None.     frequency : lowest frequency (Hz), or None.
     buckling_bound, frequency_bound : relative error bounds; None for one mesh.
-    refusals    : reasons for missing values.
-    assumed     : assumptions about the supports for buckling and frequency, see `dsfab.statics.mode_supports`; or ''.
-    local       : clause about a local buckling mode, see `dsfab.statics.lowest_buckling`; or ''."""
+    refusals     : reasons for missing values.
+    assumed      : assumptions about the supports for buckling and frequency, or ''.
+    local        : clause about a local buckling mode, or ''."""
 
     compliance: float
     displacement: Extreme
@@ -66,12 +65,12 @@ class CaseResponse:
 @dataclass(frozen=True)
 class Judgement:
     """Result of a judge for a structure.
-    compliance : joules, the weighted sum over the loads that the pattern follows.
-    bound      : relative error bound; None without a bound.
-    verdict    : `pass` if the bound is small enough; `reason` explains it.
-    cases      : response to each load by its name, by one solve on the unrefined mesh.
+    compliance : weighted sum over the loads that the pattern follows, joules.
+    bound      : relative error bound, or None.
+    verdict    : `pass` if the bound is small enough.     reason : explanation of the verdict.
+    cases      : response to each load by its name.
     check      : the verdict on several meshes; None for one mesh.
-    theory     : fraction by which a solid may be softer than the shell, see `theory_share`; None for one mesh."""
+    theory     : fraction by which a solid may be softer than the shell; None for one mesh."""
 
     compliance: float
     cases: Mapping[str, CaseResponse]
@@ -104,8 +103,9 @@ class AnsweredLoad:
 
 
 def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, AnsweredLoad]:
-    """Solve a structure's sheet for each load that the pattern follows, or for all cases and combinations if `every`.
-    Raises StaticsError if the structure does not carry a load, for instance a concentrated load on a loose piece."""
+    """Solve a structure's sheet for each load that the pattern follows.
+    every : True to solve all cases and combinations.
+    Raises StaticsError if the structure does not carry a load."""
     statics, surface = task.preset.statics, structure.sheet.surface
     loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure, every))
     sheet = statics.sheet(structure.thickness).model_for(surface)
@@ -119,12 +119,11 @@ def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False
 def quick(
     task: ComparisonTask, structure: Structure, ask: ResultRequest | None = None, every: bool = False
 ) -> Judgement:
-    """Judge by one solve on the unrefined mesh: compliance, displacements, stress and reactions. The error is typically
-    within 2 %, and for nine designs in ten within 5 %, which is the bound. This is enough to compare similar sheets,
-    but not for a verdict. Uncut sheets that bend get a bound of 50 %, because one of them had an error of 32 %.
+    """Judge by one solve on the unrefined mesh. This is enough to compare similar sheets, but not for a verdict.
+    The bound is 5 %, which holds for nine designs in ten. Uncut sheets that bend have coarse meshes and get 50 %.
     ask   : requested frequencies and buckling factors; only the lowest are computed.
     every : True to judge all cases and combinations; else only those that the pattern follows.
-    Raises StaticsError as `solved_loads`."""
+    Raises StaticsError if the structure does not carry a load."""
     answers, request = solved_loads(task, structure, every), ask or ResultRequest()
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
     total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
@@ -199,11 +198,11 @@ def full(
     budget: float = BUDGET,
     progress: Progress | None = None,
 ) -> Judgement:
-    """Judge like `quick`, but take compliance, buckling and frequency with error bounds from finer meshes (see
-    `dsfab.study.verdict.check` and `mode_intervals`), and stress from the finest mesh. Displacements and reactions are
-    those of the unrefined mesh. If the memory is too small for this, all results are those of `quick`.
-    every : True to judge all cases and combinations; the verdict is `fail` if only the followed loads are carried.
-    ask   : as for `quick`.         budget : memory, bytes.
+    """Judge on finer and finer meshes, with error bounds for compliance, buckling and frequency. The stress is that of
+    the finest mesh. Displacements and reactions are those of the unrefined mesh. If the memory is too small for finer
+    meshes, the result is that of `quick`.
+    every : True to judge all cases and combinations. The verdict is `fail` if only the followed loads are carried.
+    ask   : requested frequencies and buckling factors.         budget : memory, bytes.
     Raises StaticsError if the structure does not carry the loads that its pattern follows."""
     try:
         quick_judgement = quick(task, structure, None, every)

@@ -19,22 +19,20 @@ from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_loads, use_
 from dsfab.study.fabrication import spacing_changes
 
 REACH, REACH_UP = 3.0, 6.0
-"""Tried thicknesses lie between a third of the first guess and six times the guess. In this range, solves at two
-thicknesses give the results for all others. The guess follows only from the span: a footbridge of 28 m with people on
-it needs over 3 times the guess."""
+"""Range of tried thicknesses: from the first guess divided by `REACH` to the guess times `REACH_UP`."""
 OWN_CUTS = 2  # Largest number of designs that are cut again for their own thickness.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
-MORE, MOST = 1.3, 0.75  # Factor on the material if no thickness suffices, and its largest share of the surface.
+MORE, MOST = 1.3, 0.75  # Factor for more material, and largest share of material.
 CLOSER = 0.75  # Factor on the spacing of members if more material does not suffice.
 
 
 @dataclass(frozen=True)
 class SizingTrial:
     """A tried thickness (m), and results for the cut sheet as in `Carrying`.
-    share    : of the surface that is material.     movement : divided by the span.     buckling : inf if unknown.
-    utilisation : None if it was not needed for the choice.
-    excess   : ratio of result to limit for each target (limit to result for buckling); up to 1 the target is met.
-    is_final : True if the pattern was cut for this thickness, False if it was cut for another thickness."""
+    share    : share of the surface that is material.     movement : largest movement divided by the span.
+    buckling : lowest buckling factor; inf if unknown.     utilisation : largest utilisation; None if not computed.
+    excess   : ratio of result to limit for each target (limit to result for buckling); at most 1 if the target is met.
+    is_final : True if the pattern was cut for this thickness."""
 
     thickness: float
     share: float
@@ -136,10 +134,10 @@ def guessed_preset(preset: Preset) -> Preset:
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design with the thinnest sheet that meets the targets of [sizing], up to slicing.
 
-    A sheet is cut for a first guess and solved at two thicknesses, which gives the results for all thicknesses on sale.
-    The thinnest sufficient one is then cut again and solved. If it misses a target, the next thicker one is tried; if a
-    thinner one may suffice, the next thinner one. If no thickness suffices, the pattern gets more material, then also a
-    smaller spacing. If this does not suffice either, the design that comes nearest to the targets is returned.
+    One cut sheet is solved at two thicknesses, which gives the results for all thicknesses. The thinnest sufficient
+    thickness gets its own cut, which is solved again; the next ones follow if necessary.
+    If no thickness suffices, the pattern gets more material, then also a smaller spacing. If this does not help, the
+    result is the design that comes nearest to the targets.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
     guess = guessed_preset(preset)
@@ -178,8 +176,8 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
 def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
-    """Return trials of designs that are cut again for their own thickness, and the thinnest sufficient design, whose
-    trial is the last. The new cut has other widths and fillets, so a thinner sheet may suffice."""
+    """Return trials of designs that are cut for their own thickness, and the thinnest sufficient design or None.
+    The trial of this design is the last one."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     start = next((k for k, row in enumerate(rows.trials) if row.worst <= 1), count)
     k = bisect_left(range(count), True, lo=start, key=lambda k: rows.full_trial(k).worst <= 1)
@@ -262,8 +260,9 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
-    """Return the trial of a solved structure. row : an earlier trial of this thickness on a sheet cut for another one;
-    its buckling factor is used if `carrying` could not compute one."""
+    """Return the trial of a solved structure.
+    row : earlier trial of this thickness, for a sheet that was cut for another thickness. Its buckling factor is used
+          if `outcome` has none."""
     targets = design.preset.sizing
     use = outcome.use.value if outcome.use else float("inf") if row else None  # not yet computed in trials of a list
     movement = outcome.movement.share if outcome.movement else float("inf")

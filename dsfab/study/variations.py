@@ -21,8 +21,8 @@ def parse_variations(texts: Sequence[str]) -> Values:
         key, equals, values = (part.strip() for part in text.partition("="))
         if not (key and equals and values):
             raise DsfabError(
-                f"--vary {text!r} is not KEY=VALUES; write a range such as pattern.major.frequency=4:24:6 (from, to, "
-                "how many) or a list such as diffusion.r=1,10,100"
+                f"--vary {text!r} is not KEY=VALUES; write a range (from, to, count) such as "
+                "pattern.major.frequency=4:24:6, or a list such as diffusion.r=1,10,100"
             )
         if key in variations:
             raise DsfabError(f"--vary {key} appears twice; give all values of the key at once")
@@ -36,14 +36,14 @@ def _range(text: str, values: str) -> list[Any]:
         start, end, steps = float(low), float(high), int(count)
     except ValueError:
         raise DsfabError(
-            f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT with a whole COUNT, such as 4:24:6"
+            f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT, such as diffusion.r=10:100:4"
         ) from None
     if not (isfinite(start) and isfinite(end)):
         raise DsfabError(f"--vary {text!r} does not run between two finite numbers; write for instance 4:24:6")
     if steps < 1:
-        raise DsfabError(f"--vary {text!r} has {steps} values; the last number of a range (count) must be 1 or more")
+        raise DsfabError(f"--vary {text!r} has {steps} values; give a count (the last number) of 1 or more")
     if steps > 1 and start == end:
-        raise DsfabError(f"--vary {text!r} gives the same value {steps} times; write another range or {low} alone")
+        raise DsfabError(f"--vary {text!r} gives the same value {steps} times; write another range, or only {low}")
     places = [start + (end - start) * i / max(steps - 1, 1) for i in range(steps)]
     rounded = [float(f"{place:.4g}") for place in places]
     is_whole = "." not in low + high and "e" not in (low + high).lower()
@@ -86,8 +86,8 @@ def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Return the indices of the runs in an order that lets successive runs share many stages: keys of early stages
-    change least often. Values of a stage keep the order in which they first appear."""
+    """Return the indices of the runs in an order in which successive runs share many stages. Keys of early stages
+    change least often."""
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
     for texts in signatures:
@@ -101,7 +101,7 @@ def expected_seconds(values: Values, stages: Mapping[str, float], picture: float
     """Return the expected time (s) for all pictures, from the times of each stage and of one picture."""
     total = picture * count(values)
     for stage, seconds in stages.items():
-        # a stage runs once for each combination of the values of its keys and of earlier keys
+        # a stage runs once for each combination of values of its own and earlier keys
         total += seconds * prod(len(v) for key, v in values.items() if stage_of(key) <= STAGES.index(stage))
     return total
 

@@ -179,7 +179,7 @@ def test_more_than_the_limit_are_drawn_after_yes(
 @pytest.mark.parametrize(
     ("vary", "told"),
     [
-        ("pattern.major.frequency=4:24:0", "has 0 values; the last number of a range"),
+        ("pattern.major.frequency=4:24:0", "has 0 values; give a count"),
         ("pattern.major.frequency=4:24", "is not a range"),
         ("pattern.major.frequency=nan:24:3", "does not run between two finite numbers"),
         ("pattern.major.frequency=4:4:3", "the same value 3 times"),

@@ -113,5 +113,5 @@ def test_optimal_forces_are_refused_together_with_layers_in_bending():
     keys = {"surface.edge": 1.0, "pattern.forces": "optimal", "statics.stress": "layers"}
     made = Design.from_preset(dsfab.load_preset("slab", keys))
     statics = made.statics
-    with pytest.raises(PatternError, match=r'the pattern follows bending here: set pattern\.forces = "uncut"'):
+    with pytest.raises(PatternError, match=r'this pattern follows bending; set pattern\.forces = "uncut"'):
         optimal_statics(made.preset, made.surface, statics)

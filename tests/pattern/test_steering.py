@@ -342,7 +342,7 @@ def test_a_surface_with_one_side_turns_by_quarters_only():
         if angle == 90:
             assert even_stripes(given.preset, strip, statics).steered is not None
             continue
-        with pytest.raises(PatternError, match=r"pattern\.rotate = 45: a one-sided surface"):
+        with pytest.raises(PatternError, match=r"pattern\.rotate = 45 has no sense of rotation on a one-sided surface"):
             even_stripes(given.preset, strip, statics)
 
 

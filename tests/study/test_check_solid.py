@@ -95,7 +95,7 @@ def test_a_plate_bends_by_its_closed_form(tmp_path):
 
 def test_a_point_outside_the_solid_is_refused(tmp_path):
     solid = model(tmp_path, PLATE, 0.04)
-    with pytest.raises(StaticsError, match=r"1 of 2 loaded or held points .*first at \[0.1, 0.1, 0.05\]"):
+    with pytest.raises(StaticsError, match=r"1 of 2 points of the sheet .*first at \[0.1, 0.1, 0.05\]"):
         solid.interpolation(np.array([[0.1, 0.1, 0.005], [0.1, 0.1, 0.05]]), 0.01)
 
 

@@ -359,7 +359,7 @@ def test_fix_ends_with_a_sentence():
     try:
         done = fixed_design(coarse)
     except PatternError as error:
-        assert "did not meet" in str(error) or "cannot keep" in str(error)  # noqa: PT017
+        assert "are not met" in str(error) or "cannot keep" in str(error)  # noqa: PT017
     else:
         assert done.made.features.gap is None
 

@@ -289,7 +289,7 @@ def test_another_sweep_in_a_folder_is_refused_unless_extended(tmp_path):
     swept(tmp_path, plan())
     before = measured(tmp_path)
     wider = plan(vary={"diffusion.r": [10.0, 30.0, 50.0], "pattern.major.phase": PHASES})
-    with pytest.raises(DsfabError, match=r"holds another sweep \(vary differ\); add --extend"):
+    with pytest.raises(DsfabError, match=r"holds another sweep \(vary differ\); use --extend"):
         swept(tmp_path, wider)
     with pytest.raises(DsfabError, match="a sweep of another preset"):
         swept(tmp_path, plan(set={"surface.edge": 1.3}), extend=True)

@@ -318,7 +318,7 @@ def test_layers_of_a_3dm_file_become_supports_and_loads(tmp_path, within):
 def test_marks_in_millimetres_are_scaled_and_open_marks_are_ignored(tmp_path, within):
     rows = [(layer, [tuple(1000 * x for x in row) for row in rows]) for layer, rows in [*MARKS, ("void", [(1, 1, 0)])]]
     path = site(tmp_path / "site.3dm", rows, rhino3dm.UnitSystem.Millimeters)
-    with pytest.raises(SurfaceError, match="marks on layer 'support', but its surface lies on its side; turn"):
+    with pytest.raises(SurfaceError, match="marks on layer 'support', but z does not point up; turn"):
         propose(path, up="y")
     assert "1 of them enclose no area and are ignored" in "\n".join(propose(path).lines)
 

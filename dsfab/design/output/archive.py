@@ -29,7 +29,8 @@ from dsfab.thickening import Repairs, Solid
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
     """Return the edges of the sheet by family, then the centre lines of its members, in metres on the middle surface.
-    tolerance : largest distance (m) of removed points from the simplified lines; the stated lengths do not change.
+    tolerance : largest distance (m) of removed points from the simplified lines. The lengths are those of the full
+                lines.
     A family has no centre lines if it has no stripes, or if its stripes touch everywhere."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
@@ -66,11 +67,11 @@ def stripe_phase(design: Design, k: int) -> Phase:
 def design_fields(design: Design) -> dict[str, Floats]:
     """Return fields by name, at the vertices (n, ...) or in the faces (m, ...).
 
-    At vertices: displacement of every load case, forces, supports and modes; for each family the phase z (a whole
-    number on centre lines), the half-width d and the wave of z. In faces: stress in xyz, principal values of the
-    diffusion tensors times gamma, and the mask of isotropic faces.
+    At vertices: displacements of every load case, forces, supports and modes; phase, half-width and wave of each
+    family.
+    In faces: stress in xyz, principal values of the diffusion tensors times gamma, and the mask of isotropic faces.
 
-    In place of the phase, evenly spaced stripes have the distance from the nearest centre line, and lines per metre."""
+    Evenly spaced stripes have no phase, but the distance from the nearest centre line, and lines per metre."""
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
         "force [N]": design.load.force,
@@ -213,9 +214,9 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """Return the preset as it is written into a folder: a mesh file in this folder is named without its path, and
-    curves replace references to drawings.
-    folder : a mesh from Python is written here.    home : the final path of this folder.
+    """Return the preset as it is written into a folder. A mesh file in the folder is named without its path, and curves
+    replace references to drawings.
+    folder : folder into which a mesh from Python is written.    home : final path of the folder.
     Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface

@@ -36,9 +36,8 @@ if TYPE_CHECKING:
 
 class OpenedSurface(NamedTuple):
     """A one-sided surface, such as a Moebius strip, after a cut along a seam.
-    given   : the surface before the cut, with n vertices and m faces.    turned : (m,) True where the normal is
-              reversed.
-    surface : the cut surface, with more vertices (n') and the same faces in the same order.
+    given   : surface before the cut, with n vertices and m faces.    turned : (m,) mask of reversed normals.
+    surface : surface after the cut, with more vertices (n') and the same faces in the same order.
     twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam."""
 
     given: Surface
@@ -97,8 +96,8 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
     """Return faces (m,) whose normal must be reversed for the shortest seam; None if no seam gives a two-sided piece.
-    The seam runs from boundary to boundary. It crosses a path that returns on the other side an odd number of times.
-    counts : (m,) cost of a metre of seam beside each face."""
+    counts : (m,) cost of a metre of seam beside each face.
+    The seam runs from boundary to boundary. It crosses a path around the one-sided surface an odd number of times."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -130,7 +129,8 @@ def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
     """Return the edges of the shortest path from node `source` to `target`, in order; (0,) if there is no path.
-    Each place has two nodes, one for each side, `count` in all. An edge with `turns` = 1 changes sides."""
+    Each place has two nodes, one for each side. An edge with `turns` = 1 changes sides.
+    count : number of nodes."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])
@@ -178,11 +178,10 @@ def _seam(surface: Surface) -> Bools:
 
 
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
-    """Write one file in the format of the suffix of `path`, and read it back as a check; return the path.
-    The file of a design is the same as that of `dsfab build` or `dsfab export`: depending on the format, the solid with
-    its data, the lines of the sheet, or the fields of the uncut surface. The file of a solid, a sheet or a surface has
-    only its mesh. options : keywords of `dsfab.export.write` in place of the preset's. Raises ExportError as that
-    function."""
+    """Write one file in the format of the suffix of `path`, and read it back as a check; return the path. The file of a
+    design is that of `dsfab build` or `dsfab export`. The file of a solid, a sheet or a surface has only its mesh.
+    options : keywords of `dsfab.export.write`, which replace those of the preset.
+    Raises ExportError if the file cannot be written."""
     if not isinstance(item, Design):
         return written(item.surface if isinstance(item, Sheet) else item, path, **options)
     format_of(Path(path))
@@ -203,8 +202,7 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
     """Return the part of a design to write, and keywords for `dsfab.export.write`. suffix : a key of `FORMATS`.
-    The part is the solid for formats of meshes, and of solids with lines; the uncut surface for formats of fields; and
-    the sheet for others."""
+    The part is the solid, the sheet, or the uncut surface for formats of fields."""
     options, form = design.preset.export, FORMATS[suffix]
     if isinstance(form, MemberFormat):
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
@@ -305,9 +303,9 @@ def curved_design(design: Design) -> Curved:
     """Return the smooth sheet of a design. Raises ExportError if the solid has further parts."""
     options = design.preset.thickening
     if options.extra:
-        raise ExportError("thickening.extra adds parts to the solid beside the sheet; remove it for a smooth sheet")
+        raise ExportError("a smooth sheet cannot have the parts of thickening.extra; remove thickening.extra")
     if design.solid.repairs.rung == "united":
-        raise ExportError("the sheet crosses itself, so that its parts are fused; write a faceted format")
+        raise ExportError("a sheet that crosses itself cannot be smooth; write a faceted format")
     sheet = curved_sheet(design.surface, design.sheet, design.preset.statics.thickness, options.side)
     return replace(sheet, striped=lambda: striped_sheet(design.surface, design.sheet, design.pattern))
 
@@ -321,7 +319,7 @@ def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Str
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
     """Return a sheet together with its surface, for a smooth STEP file. A one-sided surface is first cut along a seam.
-    thickness : metres, one number or a value for each vertex (n,)."""
+    thickness : metres, a number or a value for each vertex (n,)."""
     offset, opening, twins = offsets(surface, thickness, side), opened_surface(surface, sheet), NO_PAIRS
     D = offset.D
     if opening:
@@ -349,8 +347,8 @@ def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) ->
 
 
 def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
-    """Return for each face (m,) the number of its largest field (its chart). A face whose field is not the largest at
-    any corner gets the largest one at its centre. Such faces are cut off where three borders meet."""
+    """Return for each face (m,) the number of its largest field (its chart). A face whose field is the largest at none
+    of its corners gets the field that is the largest at its centre."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

@@ -92,9 +92,9 @@ def preset_for(
 ) -> Preset:
     """Return the preset of `dsfab new` for the user's own surface, with a first guess of the thickness.
     mesh     : the path of a mesh file, a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces (m, 3).
-    unit     : unit of the mesh: mm, cm, m ...; default: that of the file, else a guess; for a mesh from Python metres.
-    up       : axis of the mesh that points upwards: x, y, z, -x, -y, -z; by default dsfab guesses this axis.
-    material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
+    unit     : unit of the mesh: mm, cm, m ... Default: unit of the file, or a guess; metres for a mesh from Python.
+    up       : axis of the mesh that points upwards: x, y, z, -x, -y, -z. Default: a guess.
+    material : a name that `dsfab materials` lists. Default: GL24h, or PLA for surfaces smaller than 3 m.
     wishes   : supports and loads that the user wants.
     Raises SurfaceError for an invalid mesh or axis. Raises PresetError for an unknown material, for a surface without a
     plausible support, and for wishes that cannot be fulfilled."""
@@ -112,7 +112,7 @@ def propose(
     wishes: MeshWishes = NO_WISHES,
 ) -> Proposal:
     """Return the proposal with its text and decisions; see `preset_for`.
-    max_triangles : limit for a mesh file; it also limits the time to read the file.
+    max_triangles : largest number of triangles in a mesh file.
     raw           : content of the file, if the caller has read it."""
     axis = vertical_axis(up)
     name = material_named(material).name if material else None

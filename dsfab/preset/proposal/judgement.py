@@ -3,10 +3,10 @@
 Score of a reading = form x carries x steady x free. Pieces without a support and unusual axes reduce the score, too.
 
 form    : 0 to 1, from the shape alone (see `readings`).
-carries : 1 / (1 + u^2). u is the larger of two ratios: movement to `LIMIT` times the span, and stress to strength. The
-          sheet has the usual depth of its kind, and carries its weight and the usual load.
+carries : 1 / (1 + u^2). u is the larger of two ratios under the weight and the usual load: movement to `LIMIT` times
+          the span, and stress to strength.
 steady  : 1 if the centre of mass is well inside the supports; less if the sheet would tip, or lift from a support.
-free    : 1 if no edge is supported, 1 - `EDGE` if all are: few supports are more probable."""
+free    : 1 if no edge is supported, 1 - `EDGE` if all edges are."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -40,10 +40,10 @@ LIMIT = 1 / 300  # Largest usual movement, divided by the span.
 EDGE = 0.5  # Fraction of the score that a reading loses if all edges are supported.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that name no unit.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of the logarithm.
-LEAST, DOUBT = 0.02, 0.25  # Readings with a score below `LEAST` are not plausible, those below `DOUBT` are doubtful.
-CLOSE = 0.75  # If the score of another reading exceeds this share of the best one, dsfab asks the user.
-OPEN = 0.13  # dsfab asks the user about the second unit if its probability exceeds this value.
-UNDER = 0.7  # Factor on the scores if the surface would reach below the ground (z = 0).
+LEAST, DOUBT = 0.02, 0.25  # Smallest scores of plausible readings, and of readings without doubt.
+CLOSE = 0.75  # Smallest ratio of a score to the best score for a question to the user.
+OPEN = 0.13  # Smallest probability of the second unit for a question to the user.
+UNDER = 0.7  # Factor on the scores of surfaces that reach below the ground (z = 0).
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,8 @@ def usual_unit(unit: str, size: float) -> float:
 
 def likely_units(shape: Shape) -> list[tuple[str, float]]:
     """Return pairs (unit, probability), the most probable first, for a shape whose coordinates are those in its file.
-    They follow from usual sizes of buildings; a shape that comes down to the ground must be high enough for people."""
+    The probabilities follow from usual sizes of buildings. A shape that reaches the ground must be high enough for
+    people."""
     V = shape.surface.V
     size, plan = float(np.ptp(V, axis=0).max()), V[:, :2] - V[:, :2].mean(axis=0)
     narrow = np.ptp(plan @ np.linalg.svd(plan, full_matrices=False)[2].T, axis=0).min()
@@ -168,7 +169,7 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
 @dataclass(frozen=True, eq=False)
 class SupportChoice:
     """The ways of support of a surface with their scores, the best first.
-    unit, units : unit of the surface, and the probability of each unit; `units` is empty if the unit is known."""
+    unit  : unit of the surface.    units : probability of each unit; empty if the unit is known."""
 
     ranking: tuple[JudgedReading, ...]
     unit: str
@@ -185,7 +186,7 @@ class SupportChoice:
                 f"{candidate.reading.word} ({candidate.up} up): {_flaw(candidate)}" for candidate in self.ranking[:4]
             )
             raise PresetError(
-                f"no way to hold the surface is plausible; tried {tried}; name what holds it with --stand, its unit "
+                f"no way to hold the surface is plausible; tried {tried}; name its supports with --stand, its unit "
                 "with --unit, or its vertical axis with --up"
             )
 
@@ -209,10 +210,10 @@ class SupportChoice:
 
 def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> SupportChoice:
     """Return the choice of supports, unit and vertical axis for a surface with edges.
-
-    surface : in metres, or in the numbers of its file if the unit is unknown.
+    surface : surface in metres, or in the numbers of its file if the unit is unknown.
     axes    : possible vertical axes, each with a factor on its scores.
-    unit    : "" if unknown.    stand : name of a way of support (--stand), or a height in metres; "" for the best one.
+    unit    : unit, or "" if unknown.
+    stand   : name of a way of support (--stand), a height in metres, or "" for the best way.
     Raises PresetError if no way of support has this name."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
     size = float(np.ptp(coarse.V, axis=0).max())
@@ -235,8 +236,8 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
-    """Return readings with their scores, the best first. Statics can only reduce the score that `form` gives. So
-    readings with a low form are left out, if they can neither be rivals nor be among the best four."""
+    """Return readings with their scores, the best first. Readings with a low form are left out, because statics can
+    only reduce their score."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form

@@ -20,13 +20,13 @@ LINE_OF_COMMENT = {
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
 PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Placeholders, Pa.
-AROUND = 0.3  # A wall is a tower if its normals mostly cancel out: their sum, by area, is below this share.
+AROUND = 0.3  # Largest sum of the normals of a tower, by area, divided by its area.
 
 
 @dataclass(frozen=True)
 class MeshWishes:
-    """The user's choices for a surface, in place of dsfab's own choices.
-    stand    : name of a way of support (feet, edge ...), or a height (m) below which the edge is supported; or "".
+    """The user's choices for a surface, which replace dsfab's own choices.
+    stand    : name of a way of support (feet, edge ...), a height (m) below which the edge is supported, or "".
     built_in : True if the supports are clamped.
     loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2"."""
 
@@ -46,10 +46,10 @@ class MeshWishes:
             if text == "none" and len(self.loads) == 1:
                 continue
             if text == "none":
-                raise PresetError("--load none leaves out every load but the weight; remove it, or the other --load")
+                raise PresetError("--load none excludes all other loads; remove it, or remove the other --load")
             if name not in PRESSURE:
                 words = ", ".join(PRESSURE)
-                raise PresetError(f"--load {text} is not known; use {words} or none, with a value in kPa: snow=1.2")
+                raise PresetError(f"--load {text} is not known; use {words} or none; values are in kPa: snow=1.2")
             number = _positive(value) if value else PRESSURE[name] / 1000
             if not number:
                 raise PresetError(

@@ -14,7 +14,7 @@ from dsfab.preset.proposal.sizes import Sizes
 from dsfab.surface import MARK_LAYERS, Marks, marks_on_layers, polyline_length
 
 DRAWINGS = (".3dm", ".dxf")
-FORCE = 1000.0  # Placeholder for marks on layer `load`: N at points, N/m on lines, Pa in closed curves.
+FORCE = 1000.0  # Placeholder for loads: N at points, N/m on lines, Pa in closed curves.
 TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 
@@ -27,8 +27,8 @@ def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
     by_layer = marks_on_layers(path, MARK_LAYERS, metres_per(str(user_mesh.keys["unit"])))
     if by_layer and user_mesh.keys.get("up", "z") != "z":
         raise SurfaceError(
-            f"{path} has marks on layer {next(iter(by_layer))!r}, but its surface lies on its side; turn the drawing "
-            "so that z points up, and save the file again"
+            f"{path} has marks on layer {next(iter(by_layer))!r}, but z does not point up; turn the drawing so that z "
+            "points up, and save it again"
         )
     origin = user_mesh.keys.get("origin")
     return {word: layer_marks.about(origin) for word, layer_marks in by_layer.items()} if origin else by_layer
@@ -36,7 +36,7 @@ def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
 
 def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
     """Yield tables of a preset for the marks, each as a list of lines.
-    file : path from the preset's folder, or "" to write curves into the preset. edge : mean edge of the mesh (m)."""
+    file : path from the preset's folder, or "" to write curves into the preset.    edge : mean edge of the mesh (m)."""
     radius = round(0.6 * edge, 3)
     for word, layer_marks in marks.items():
         head = TABLES.get(word, "[[pattern.region]]")

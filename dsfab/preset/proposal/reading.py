@@ -37,13 +37,12 @@ from dsfab.surface import (
 Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf")
 """Suffixes of files in which z is the vertical axis, by their format or program; glTF files are rotated when read."""
 MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files in which z mostly is the vertical axis.
-Y_UP = 0.7  # Factor on scores if y is the vertical axis, which few programs use (Blender, web tools).
-GROUND = 1e-3  # A depth below the ground up to this fraction of the size counts as zero.
+Y_UP = 0.7  # Factor on scores if y is the vertical axis, which few programs use.
+GROUND = 1e-3  # Largest depth below the ground that counts as zero, divided by the size.
 
 
 def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) -> dict[Up, float]:
     """Return the possible vertical axes of a surface, each with a factor on its scores (see `choice`).
-
     suffix : suffix of the file, with the dot.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
     The axis -y is possible only if the surface reaches below y = 0. A sculpture gets only its most stable axis."""
@@ -72,7 +71,8 @@ def _standing(V: Floats, surface: Surface) -> float:
 
 def _stability(V: Floats, surface: Surface) -> float:
     """Return the distance from the centre of mass to the edge of the base, divided by the root of the surface's area.
-    V : (n, 3) vertices with z up. The result is between -0.2 (the sculpture falls over) and 0.4."""
+    It is limited to -0.2 (the sculpture falls over) and 0.4.
+    V : (n, 3) vertices with z up."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     depth = depth_within(base_points, middle)
@@ -84,8 +84,8 @@ def _stability(V: Floats, surface: Surface) -> float:
 UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
 )
-SMALLEST, LARGEST = 0.02, 1000.0  # If the longest side (m) is outside of this range, the unit is doubtful.
-USUAL = 2.0, 100.0  # Usual range of the longest side (m); outside, dsfab lists other sizes if the file names no unit.
+SMALLEST, LARGEST = 0.02, 1000.0  # Range of the longest side (m) without doubt about the unit.
+USUAL = 2.0, 100.0  # Usual range of the longest side (m); outside of it, dsfab lists other units.
 POSSIBLE = 0.2, 500.0  # Range of the longest side (m) in sizes that `dsfab inspect` lists.
 UNLIKELY = 0.02  # Units with a smaller probability are not listed.
 GUESSED = ("mm", "cm", "m", "in", "ft")  # Units that dsfab considers for files without a unit.
@@ -96,7 +96,7 @@ class Decision:
     """A decision of dsfab for the user's preset.
     topic  : one or two words.
     choice : the chosen value, with its reason.
-    change : the key of the preset, or the option of the command, that changes the choice."""
+    change : key of the preset or option of the command for another choice."""
 
     topic: str
     choice: str
@@ -106,7 +106,7 @@ class Decision:
 @dataclass(frozen=True, eq=False)
 class UserMesh:
     """The user's mesh as a surface (metres, z up), with its keys in [surface].
-    choice : chosen unit, axis and supports.    places : the supports, in coordinates of `surface`.
+    choice   : chosen unit, axis and supports.    places : the supports, in coordinates of `surface`.
     repaired : a sentence for each repair of the mesh."""
 
     surface: Surface
@@ -126,9 +126,10 @@ def mesh_in_file(
     raw: RawMesh | None = None,
     stand: str = "",
 ) -> UserMesh:
-    """Return the mesh in a file; by default dsfab chooses its unit and vertical axis.
-    max_triangles : limit for the file.    raw : content of the file, if the caller has read it.
-    stand         : supports that the user wants, see `choice`.
+    """Return the mesh in a file.
+    unit, up : unit and vertical axis; None lets dsfab choose.
+    max_triangles : largest number of triangles.    raw : content of the file, if the caller has read it.
+    stand    : supports that the user wants, see `choice`.
     Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair."""
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES, unit)
     finite_faces(path, raw)
@@ -234,7 +235,7 @@ def _with_z_up(surface: Surface, chosen: SupportChoice, option: Up | None) -> tu
 def _origin(surface: Surface) -> tuple[float, ...]:
     """Return an origin in whole metres near the lowest corner of a surface; 0 if the coordinates are small."""
     low = surface.V.min(axis=0)
-    # if the surface is 100 sizes from 0, single precision (STL) rounds coordinates to 1/100 000 of the size
+    # at such distances, single precision (STL) rounds coordinates to 1/100 000 of the size
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
     return tuple(np.where(is_far, np.floor(low), 0.0).tolist())
 

@@ -13,14 +13,14 @@ from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
 DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `form` of supports that the shape shows, of usual ones, of all others.
 RARER = 0.8  # Factor on `form` for hanging surfaces and for walls: most surfaces are roofs.
-LEFT = 0.7  # Factor on `form` if necks, or hollows in which water would stand, have no support.
-SAG = 0.15  # Smallest sag of a hanging roof between two high sides, divided by its height.
+LEFT = 0.7  # Factor on `form` if necks or hollows have no support.
+SAG = 0.15  # Smallest sag of a hanging roof, divided by its height.
 WALLS = 0.8  # Smallest `_edge_form` of an outer edge on walls, if there are also columns.
 APART = 12.0  # Largest distance between posts along a strip, metres.
-FRAGMENT = 0.1  # Supports below this share of the largest one come from the mesh, and are left out.
-LOWEST_SILL = 0.005  # Inner edges of a wall are windows if they begin above this fraction of its height.
+FRAGMENT = 0.1  # Smallest size of a support, divided by the size of the largest support.
+LOWEST_SILL = 0.005  # Smallest height of a window above the base, divided by the wall's height.
 BAY = 7.5  # Usual distance between the columns of a grid, metres.
-MOST = 200  # Largest number of columns, and of posts along a side; with more, the unit is probably wrong.
+MOST = 200  # Largest number of columns, and of posts along a side.
 SOLE = 0.03  # A closed surface stands on its vertices below this fraction of its height.
 Kind = Literal["roof", "hung", "floor", "wall", "object"]
 
@@ -30,7 +30,7 @@ class SupportPlace:
     """A supported part of a surface.
     name   : text for the user.    points : (k, 3) points along the free edge or on the surface, metres.
     length : length of free edge (m), 0 inside the sheet.    is_loop : True for a whole closed edge.
-    loop   : number of the closed edge, if no other one has nearly the same length.
+    loop   : number of the closed edge; None if another edge has nearly the same length.
     radius : radius of a disc inside the sheet, metres."""
 
     name: str

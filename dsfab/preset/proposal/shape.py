@@ -12,15 +12,16 @@ from dsfab.core.arrays import Floats, Ints, lengths, lock
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import Surface, polyline_length, remeshed_surface
 
-VERTICES = 1500  # Usual number of vertices of a coarse shape: a solve then takes about 0.05 s.
+VERTICES = 1500  # Usual number of vertices of a coarse shape, for fast solves.
 STEPS = 400  # Number of equal steps along a closed edge.
-SLOPE = 0.25  # Slope (14 degrees) at which `levelness` is 1/2; the rim of a stadium is hardly steeper.
+SLOPE = 0.25  # Slope (14 degrees) at which `levelness` is 1/2.
 CORNER = 40.0  # Smallest change of an edge's direction at a corner, degrees.
-DEPTH, RISE = 0.15, 0.05  # Smallest rise of an edge between feet, largest rise in a foot, divided by the height.
-SMALL = 0.15  # Largest length of a small edge (column head, lug, opening), divided by that of the longest edge.
-STRIP = 3.0  # Smallest ratio of long to short sides of a strip, such as a platform's canopy or a footbridge.
+DEPTH, RISE = 0.15, 0.05
+"""Smallest rise of an edge between feet, and largest rise within a foot, divided by the height of the surface."""
+SMALL = 0.15  # Largest length of a small edge, divided by that of the longest edge.
+STRIP = 3.0  # Smallest ratio of long to short sides of a strip, such as a footbridge.
 NECK = 0.2  # Smallest vertical component of `Shape.neck` at a column head or a lug.
-LUG = 2.0  # Smallest height of a lug above the sheet around it, divided by the lug's radius.
+LUG = 2.0  # Smallest height of a lug, divided by its radius.
 HEAD = 2.2  # Height that people need, metres.
 
 
@@ -61,7 +62,7 @@ def depth_within(points: Floats, middle: Floats) -> float | None:
 class Edge:
     """A closed free edge (boundary loop), or a part of it.
     loop   : number of the boundary loop of the coarse surface.
-    points : (k, 3) points in equal steps along the edge, metres; a closed edge does not repeat its first point.
+    points : (k, 3) points in equal steps along the edge, metres. A closed edge does not repeat its first point.
     closed : True for a whole loop."""
 
     loop: int
@@ -109,8 +110,8 @@ class Edge:
 
     def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
         """Yield low parts of a closed edge, each with its depth (m) below the neighbouring parts.
-        height   : of the surface, metres.
-        shortest : smallest length of a part, metres; a shorter one is extended, first on its lower side."""
+        height   : height of the surface, metres.
+        shortest : smallest length of a part, metres. A shorter part is extended, first on its lower side."""
         z, n, step = self.z, len(self.points), self.length / len(self.points)
         tops, facts = find_peaks(-np.tile(z, 3), prominence=DEPTH * height, plateau_size=(None, None))
         for top, depth in zip((tops - n).tolist(), facts["prominences"].tolist(), strict=True):
@@ -123,8 +124,9 @@ class Edge:
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
     def corners(self, arm: float) -> list[int]:
-        """Return the points where a closed edge's direction, over `arm` (m) on each side, changes most, and by `CORNER`
-        or more. Where the edge is straight in plan, as on a folded roof, there is no corner."""
+        """Return the points of a closed edge where its direction changes most, by at least `CORNER`. There is no corner
+        where the edge is straight in plan, as on a folded roof.
+        arm : length (m) on each side of a point that gives the direction."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
         before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points
         long = lengths(before) * lengths(after) + 1e-12
@@ -155,7 +157,7 @@ class Shape:
 
     @cached_property
     def edges(self) -> list[Edge]:
-        """All closed free edges, the longest first."""
+        """Closed free edges, the longest first."""
         return [Edge.from_loop(k, self.surface.V[loop]) for k, loop in enumerate(self.surface.loops)]
 
     @cached_property
@@ -299,7 +301,7 @@ class Shape:
     @cached_property
     def is_deck(self) -> bool:
         """True for a strip with level ends that people can walk on.
-        Its slope is at most 40 degrees (stairs) if it climbs from end to end, else 25 degrees (a ramp)."""
+        The largest slope is 40 degrees (stairs) if the strip climbs from end to end, else 25 degrees (a ramp)."""
         climb = abs(float(np.subtract(*(end.z.mean() for end in self.sides[::2])))) if self.sides else 0.0
         walkable = np.abs(self.surface.normals[:, 2]) > np.cos(np.radians(40.0 if climb > 0.9 * self.rise else 25.0))
         share = float(self.surface.areas[walkable].sum() / self.surface.area)

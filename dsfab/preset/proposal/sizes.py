@@ -12,21 +12,22 @@ from dsfab.surface import Surface
 
 MEMBERS = 16  # Number of members across the shorter side of the plan.
 COARSEST, FINEST = 2.5, 3.5  # Smallest and largest number of mesh edges per spacing; fewer give uneven stripes.
-TRIANGLES = 6500  # Usual number of triangles. The solid then has 30 000 faces, which CAD programs can open.
+TRIANGLES = 6500  # Usual number of triangles, so that CAD programs can open the solid.
 SLENDER = {"steel": 200, "timber": 100}  # Ratio of span to thickness, by material.
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
-"""If the span divided by the shorter side of the plan exceeds this ratio, the span governs the thickness. A square roof
-on its corners has a ratio of 1.41."""
-THICKEST = 1 / 5  # Largest thickness for a long span, divided by the spacing; members are about as wide.
+"""Smallest ratio of the span to the shorter side of the plan for which the span governs the thickness. A square roof on
+its corners has a ratio of 1.41."""
+THICKEST = 1 / 5  # Largest thickness for a long span, divided by the spacing.
 MODEL = 3.0  # Smaller surfaces, in metres, count as printed models.
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Proposed lengths in metres. edge : of the mesh; 0 if the user's mesh does not change.
+    """Proposed lengths in metres.
+    edge    : edge length of the mesh; 0 if the user's mesh does not change.
     own     : mean edge length of the user's mesh.
-    span    : shorter side of the plan (see `shorter_side`), or the span of a roof if it is far smaller.
+    span    : shorter side of the plan (see `shorter_side`), or the far smaller span of a roof.
     bridged : span between the supports if it is far longer than the shorter side of the plan, else 0."""
 
     span: float
@@ -51,13 +52,9 @@ class Sizes:
         """Return the sizes for a surface on feet (k, 3): thicker if the span far exceeds the plan's shorter side.
 
         The span is twice the distance in plan from the feet to the farthest vertex. If the span of a roof is far
-        smaller than the shorter side, as around a courtyard, all sizes follow from the span. If it is far larger, the
-        spacing is larger. The thickness is then 1.1 times that for the geometric mean of span and side, because clamped
-        ends bend most.
-
-        Buckling factors of uncut steel sheets: for a footbridge of 3 m x 30 m, 1.6 with 15 mm (usual for 3 m), 8.5 with
-        40 mm, 11.6 with 80 mm; for a roof of 12 m x 24 m, 13 with 60 mm, 56 with 130 mm. Utilisation of an arched
-        timber deck of 3.7 m x 60 m: 144 % with 100 mm, 106 % with 145 mm, 96 % with 160 mm."""
+        smaller than the shorter side, as around a courtyard, all sizes follow from the span. If the span is far larger,
+        the spacing is larger. The thickness is then 1.1 times that for the geometric mean of span and side, because
+        clamped ends bend most."""
         if is_figure(surface) or not feet:
             return self
         distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
@@ -88,8 +85,8 @@ class Sizes:
 
 
 def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> Sizes:
-    """Return the sizes for a surface with z up; the default material is GL24h, or PLA for a printed model.
-    span : metres; 0 for the shorter side of the plan."""
+    """Return the sizes for a surface with z up.
+    material : default: GL24h, or PLA for a printed model.    span : metres; 0 for the shorter side of the plan."""
     figure = is_figure(surface)
     span = span or shorter_side(surface)
     square = float(np.sqrt(surface.area))

@@ -22,8 +22,9 @@ SHARE = 0.45  # Share of the surface that stays material.
 @dataclass(frozen=True, eq=False)
 class ProposedValues:
     """Values of a proposed preset.
-    stands   : the supports.    built_in : True if they are clamped.
-    loads    : pressures (Pa) of the loads by name, without the weight.    marks : marks in the file, by layer."""
+    stands   : the supports.    built_in : True if the supports are clamped.
+    loads    : pressures (Pa) of the loads by name, without the weight.
+    marks    : marks in the file, by layer."""
 
     size: Sizes
     stands: tuple[SupportPlace, ...]

@@ -30,7 +30,7 @@ BASELINES: Mapping[str, Baseline] = {
     "simp": simp,
 }
 """Functions of the competitors by name. A competitor has the design's mass, loads, supports, kept regions and
-thickness. But `thinner` has less thickness, and `simp` keeps only the user's regions and its own discs."""
+thickness, with two exceptions. `thinner` is thinner. `simp` replaces the preset's rim and discs by its own discs."""
 DEFAULT = ("isotropic", "thinner")  # default competitors of a comparison
 
 

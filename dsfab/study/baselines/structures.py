@@ -38,9 +38,9 @@ from dsfab.surface.fields import voronoi_mass
 @dataclass(frozen=True, eq=False)
 class ComparisonTask:
     """Common input of all competitors of a design.
-    preset    : with the modes and phases of the design.    area : of the material, m2.
-    frequency : of the major and the minor stripes; for evenly spaced stripes, that of stripes on the first mode with
-                the same spacing.
+    preset    : preset with the modes and phases of the design.    area : area of the material, m2.
+    frequency : frequencies of the major and the minor stripes. Evenly spaced stripes are converted to stripes on the
+                first mode with the same spacing.
     even      : evenly spaced stripes of the design; None for stripes on modes."""
 
     preset: Preset
@@ -127,7 +127,7 @@ class ComparisonTask:
 class Structure:
     """A structure to judge.
     cells  : all cells, material and void.        names : names of the fields of the cut, see `cut`.
-    sheet  : the sheet without loose pieces.       pieces : number of its pieces.      thickness : metres."""
+    sheet  : material without loose pieces.       pieces : number of pieces of `sheet`.      thickness : metres."""
 
     cells: Sheet
     names: tuple[str, ...]
@@ -174,9 +174,8 @@ Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return the structure whose sheet has the area of the task. Wider stripes replace the material of loose pieces,
-    which are left out. If this fails, `slicing.snap` is reduced: on coarse meshes a large snap makes the area jump.
-    Raises PatternError if no width gives the area."""
+    """Return the structure whose sheet has the area of the task. Wider stripes replace the material of loose pieces.
+    If no width gives the area, a smaller `slicing.snap` is tried. Raises PatternError if this fails, too."""
     try:
         return _structure_of_area(task, drawing)
     except PatternError:
@@ -187,7 +186,7 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
-        # 0.7 of the tolerance remain for loose pieces and for narrow places that the cut joins
+        # the rest of the tolerance is for loose pieces and joined narrow places
         structure = sliced_structure(task, drawing(task, target_share, 0.3 * SAME_MASS * task.share))
         excess = structure.sheet.surface.area / task.area - 1
         if abs(excess) <= SAME_MASS:
@@ -226,8 +225,8 @@ def striped_structure(
 
 
 def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[DrawableFamily]) -> Structure:
-    """Return the structure of families of stripes with the task's area and with widths by the preset's rule. Only a
-    preset that requests it removes dead ends, because stripes that ignore the stress have many dead ends."""
+    """Return the structure of families of stripes with the task's area and with widths by the preset's rule.
+    Dead ends are removed only if the preset requests it."""
     task, factor = replace(task, preset=preset), 0.0
 
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
@@ -242,7 +241,7 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # number of modes to pair; modes with equal eigenvalues come in any order, so one pair is not enough
+MODES = 3  # number of modes to pair; modes with equal eigenvalues have no fixed order
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
 PHASES = (0.0, 0.25, 0.5, 0.75)  # phases, in periods, of the variants without modes
 

@@ -18,8 +18,8 @@ from dsfab.surface import LoadCase, Surface
 
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
-    """Return weights (m, m) between faces whose centroids are at most `radius` metres apart; each row sums to 1.
-    A weight is A_f (radius - distance), divided by the sum of its row; A_f is the area of the face [Sigmund 2007]."""
+    """Return weights (m, m) between faces whose centroids are at most `radius` metres apart [Sigmund 2007].
+    A weight is A_f (radius - distance), where A_f is the area of face f. Each row is scaled to the sum 1."""
     i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
     diagonal = np.arange(surface.m)
@@ -31,20 +31,23 @@ def face_filter(surface: Surface, radius: float) -> csr_array:
 
 def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> Floats:
     """Return filtered sensitivities (m,): sum_f H_ef x_f s_f / max(x_e, 0.001) [Andreassen et al. 2011, eq. 11].
-    H : weights of `face_filter`.  density : (m,) x.  sensitivity : (m,) s, per area of the face [Sigmund 1997]."""
+    H : (m, m) weights of `face_filter`.
+    density : (m,) densities x.
+    sensitivity : (m,) sensitivities s per area of the face [Sigmund 1997]."""
     return np.asarray(H @ (density * sensitivity) / np.maximum(density, 1e-3))
 
 
 @dataclass(frozen=True)
 class Simp:
     """Options of SIMP.
-    radius       : of the filter, metres; members become about as wide. 0: see `filter_radius`.
-    iterations   : largest number for each penalisation; fewer if no density changes by more than `change`.
-    penalisation : final p. A face of density x has the stiffness void + x^p (1 - void) [Bendsoe, Sigmund 1999].
-    steps        : number of steps in which p rises from 1; 0: p is constant. At p = 1 the problem has one solution, so
-                   the result depends little on mesh and start [Petersson and Sigmund 1998].
+    radius       : radius of the filter, metres, about the width of a member. 0: see `filter_radius`.
+    iterations   : largest number of iterations for each penalisation.
+    penalisation : final exponent p. Density x gives the stiffness void + x^p (1 - void) [Bendsoe, Sigmund 1999].
+    steps        : number of steps in which p rises from 1, where the solution is unique [Petersson and Sigmund 1998].
+                   0: p is constant.
     void         : stiffness of an empty face divided by that of a full face.
     move         : largest change of a density in one iteration.
+    change       : iterations end if no density changes by more than this value.
     Raises StaticsError for values out of range."""
 
     radius: float = 0.0
@@ -85,8 +88,8 @@ class Simp:
 @dataclass(frozen=True, eq=False)
 class Densities:
     """Result of SIMP.
-    density : (m,) 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
-    history : (iterations,) compliance (J) before each iteration, of the sheet with densities between 0 and 1."""
+    density : (m,) densities, 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
+    history : (iterations,) compliance (J) before each iteration."""
 
     density: Floats
     history: Floats
@@ -104,8 +107,7 @@ class Densities:
 
     def grey(self, surface: Surface) -> float:
         """Return the share of the area with a density from 0.1 to 0.9, which is neither void nor material. The share is
-        large where both principal stresses are equal and opposite, as on a sphere pressed at its pole. There a rib
-        gains stiffness along its axis and loses as much across it, so SIMP makes no ribs."""
+        large where the two principal stresses are equal and opposite, because ribs bring no gain there."""
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
@@ -117,12 +119,11 @@ def densities(
     weights: Mapping[str, float] | None = None,
     options: Simp | None = None,
 ) -> Densities:
-    """Return the densities of faces that give the smallest compliance; the sum of density times face area is `area`.
-    Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales
-    membrane and bending stiffness equally. Sensitivities are filtered, and densities follow optimality criteria as in
-    top88 [Andreassen et al. 2011].
+    """Return the densities of faces that give the smallest compliance.
+    The method is that of top88 [Andreassen et al. 2011]. A density scales membrane and bending stiffness equally.
+    area    : sum of density times face area, m2.
     solid   : (m,) mask of faces that stay material.     weights : weight of each load's compliance, default 1.
-    Raises StaticsError if the sheet is not supported, or if `area` is less than the area of the solid faces."""
+    Raises StaticsError without supports, for less area than the solid faces have, and for the whole surface."""
     options, surface = options or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
     share = _start_density(surface, area, solid)
@@ -163,8 +164,7 @@ def simp(task: ComparisonTask) -> list[Variant]:
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
     """Return the task without the preset's rim, and with discs of the filter's radius around loads and supports.
-    The rim would take most of the material: an L-bracket with a rim and 30 % of the material was 3.2 to 5.0 times as
-    soft as the whole plate."""
+    The rim would use most of the material."""
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
 

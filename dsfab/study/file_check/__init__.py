@@ -1,7 +1,6 @@
 """Check of an exported file by independent readers.
 
-`check_file` reads, judges and measures a file; `check_contents` checks a file that was read before. With a design, both
-also compare the surface and the compliance."""
+`check_file` reads and measures a file. With a design, it also compares the surface and the compliance."""
 
 import tempfile
 from collections.abc import Callable
@@ -34,7 +33,7 @@ __all__ = [
 ]  # fmt: skip
 
 Progress = Callable[[str, str], None]
-TOO_THIN, TOO_THICK = 1e-4, 10.0  # metres; if the thinnest wall is outside of this range, the unit is wrong
+TOO_THIN, TOO_THICK = 1e-4, 10.0  # range of the thinnest wall, metres; outside of it, the unit is wrong
 AGREES, DIFFERS = 0.05, 0.15  # relative differences of compliance at which solid and shell still agree, and differ
 
 
@@ -51,8 +50,8 @@ class Finding:
 @dataclass(frozen=True, eq=False)
 class FileCheck:
     """Result of the check of a file.
-    clearances : None for a file that is not closed.       density    : kg/m3, 0 if unknown.
-    distance, carrying : None if not measured; `findings` state the reason."""
+    clearances : walls and gaps; None for a file that is not closed.       density : kg/m3, 0 if unknown.
+    distance, carrying : comparison with the design; None if it was not made. `findings` state the reason."""
 
     path: Path
     found: FileContents
@@ -85,8 +84,8 @@ def check_file(
     """Read a file and check its contents.
     design  : the expected design; None checks only the file.
     unit    : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
-    solid   : True to compare the compliance of a solid model, which takes longest and needs dsfab[solid].
-    max_triangles : limit for the file (see `read_shipped`).
+    solid   : True to compare the compliance of a solid model. It takes longest and needs dsfab[solid].
+    max_triangles : largest number of triangles in an STL or 3MF file.
     Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`)."""
     if progress:
         progress("read", f"reading {Path(path).name}")
@@ -103,7 +102,7 @@ def check_contents(
     progress: Progress | None = None,
 ) -> FileCheck:
     """Check the contents of a file like `check_file`.
-    With a design, the contents must have been read with the deflection `deflection_for(preset)`.
+    contents : for a comparison with a design, read with the deflection `deflection_for(preset)`.
     unit_given : True if the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")

@@ -33,12 +33,12 @@ CURVED = (
 @dataclass(frozen=True, eq=False)
 class FileContents:
     """Contents of a file.
-    V       : (n, 3) metres, no two at the same place.      F : (m, 3) triangles with three different corners.
+    V       : (n, 3) different points, metres.              F : (m, 3) triangles with three different corners.
     unit    : unit of the file's numbers.                   declared : True if the file names its unit.
-    metres  : length of this unit in metres.                collapsed : triangles without three different corners.
+    metres  : length of the unit, metres.                   collapsed : number of triangles with equal corners.
     reader  : name of the reader.        path : path of the file.
     deflection : largest distance (m) of triangles from their curved STEP faces; else 0.
-    shape   : shape of a STEP file in OCCT's binary form; else empty.      face : (m,) STEP face of each triangle."""
+    shape   : STEP shape in OCCT's binary form; else empty.      face : (m,) STEP face of each triangle."""
 
     path: Path
     V: Floats
@@ -67,11 +67,11 @@ def read_shipped(
     path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES, deflection: float = 0.0
 ) -> FileContents:
     """Read the solid in an STL, 3MF or STEP file with trimesh, lib3mf or OCCT.
-    unit : of the numbers in an STL file, default millimetres; 3MF and STEP files name theirs.
-    max_triangles : limit for an STL or a 3MF file, checked early.
+    unit : unit of the numbers in an STL file, default millimetres.
+    max_triangles : largest number of triangles in an STL or 3MF file.
     deflection : largest distance (m) of triangles from their curved STEP faces; 0 is the reader's default.
-    Raises SurfaceError or ExportError for a missing, empty, unreadable or unsuitable file, or for coordinates that are
-    not finite. Raises ExportError for a `unit` if the file names its own."""
+    Raises SurfaceError or ExportError for a missing, empty or unreadable file, or for coordinates that are not finite.
+    Raises ExportError for `unit` if the file is not STL."""
     path = Path(path)
     suffix = path.suffix.lower()
     if path.is_dir():
@@ -105,10 +105,10 @@ def _step_contents(path: Path, deflection: float) -> FileContents:
         raise ExportError(f"{path} is empty; export it again")
     with path.open("rb") as file:
         if STEP_BEGINS not in file.read(1000):
-            raise ExportError(f"{path} is no STEP file: it does not begin with {STEP_BEGINS.decode()}; export it again")
+            raise ExportError(f"{path} does not begin with {STEP_BEGINS.decode()} as STEP files do; export it again")
     mesh = read_step(path, deflection * MM_PER_M)
     if not mesh.solids or not len(mesh.F):
-        raise ExportError(f"{path} holds no solid, only loose faces or nothing; export it again as a solid")
+        raise ExportError(f"{path} contains no solid; export the part again as a solid")
     V, F, face, lost = step_triangles(mesh)
     metres = METRES_PER["mm"]
     text = path.read_bytes()
@@ -149,10 +149,9 @@ class Clearances:
 def clearances(V: Floats, F: Ints) -> Clearances:
     """Return the thinnest wall and the smallest gap of a closed mesh V (n, 3) metres, F (m, 3) oriented outwards.
     The width of a member also counts as a wall.
-    Four rays start on each face, at its centre and near its corners: inwards for walls, outwards for gaps. A hit counts
-    if the two faces are parallel within 20 degrees. The distance is that from the start to the plane of the hit face.
-    Three kinds of pairs do not count: neighbours at more than 3 degrees, which are sides of a tip or a notch; coplanar
-    parts that meet in a point; and triangles too thin for a normal in single precision."""
+    Rays start on each face: inwards for walls, outwards for gaps. A hit counts if the two faces are parallel within 20
+    degrees. The distance is measured from the start of the ray to the plane of the hit face.
+    Sides of a tip or a notch, coplanar parts that meet in a point, and very thin triangles do not count."""
     N, has_normal = _normals(V, F)
     face = np.flatnonzero(has_normal)
     corners = V[F[face]]
@@ -197,17 +196,17 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
 
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
-"""Probable true unit of a file that was read in millimetres, by the ratio of its size to the design's."""
+"""Probable true unit of a file that was read in millimetres. The key is the size of the file divided by that of the
+design."""
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
     """Distances (m) between a file's solid and a design; each has its place (3,).
-    skin      : largest distance of the file's top and bottom from their exact place, and the mean (`skin_mean`).
-                Places where the design is thinner because of a tight bend count; feet and other extras do not.
+    skin      : largest distance of the file's top and bottom from their exact place.    skin_mean : mean distance.
     to_design : largest distance from the file's surface to the design's solid: additional material or a shift.
     from_design : largest distance from the design's solid to the file's surface: missing parts or a shift.
-    beyond    : largest of both distances minus the allowance at its place; below 0 if the file is within it.
+    beyond    : largest difference between a distance and its allowance; at most 0 if the file is within the allowance.
     allowed   : allowance at the place of `beyond`.
     scale     : diagonal of the file's bounding box divided by that of the design."""
 
@@ -247,8 +246,8 @@ class Allowance:
 
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
-        """Return the allowance of a file. STL and 3MF must fit exactly; planar faces of STEP may be simplified. Curved
-        faces may also differ by the chord error of the design's mesh and by `contents.deflection`."""
+        """Return the allowance of a file. STL and 3MF must fit exactly; planar faces of STEP may be simplified. For
+        curved faces, the chord error of the design's mesh and `contents.deflection` are added."""
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)

@@ -2,8 +2,9 @@
 
     python -P gmsh_program.py IN.npz OUT.npz
 
-IN contains V (n, 3) and F (m, 3), or the path `step`; and `edge`, the longest edge. OUT gets X (p, 3) and T (k, 4).
-gmsh has the licence GPL-2 or later. So the program imports nothing from dsfab, and both exchange only these files."""
+IN contains `edge`, the longest edge, and either V (n, 3) and F (m, 3) or the path `step`.
+OUT gets X (p, 3) and T (k, 4).
+The program imports nothing from dsfab, because the licence of gmsh is GPL-2 or later."""
 
 import sys
 from pathlib import Path

@@ -51,9 +51,8 @@ def missing_packages() -> str:
 
 def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
     """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
-
-    gmsh itself reads and meshes STEP files; their volume may change by the share `CHANGED_VOLUME` at curved faces.
-    Other files keep their triangles, but long edges are halved. Raises StaticsError if gmsh fails or takes too long."""
+    gmsh meshes STEP files itself. Other files keep their triangles, but long edges are halved.
+    Raises StaticsError if gmsh fails, takes too long, or changes the volume."""
     volume = Surface(contents.V, contents.F).volume
     if contents.path.suffix.lower() in STEP:
         X, T = _run_gmsh({"step": str(contents.path.resolve()), "edge": edge})
@@ -93,7 +92,7 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # barycentric coordinates of points outside of the mesh may go down to minus this
+OUTSIDE = 0.25  # the smallest allowed barycentric coordinate of a point is minus this value
 LARGEST = 1_200_000  # limit on the number of unknowns
 
 
@@ -130,8 +129,9 @@ class SolidModel:
         return cKDTree(self.mesh.X[self.mesh.T].mean(axis=1))
 
     def interpolation(self, points: Floats, reach: float) -> csr_array:
-        """Return the matrix (3 k, N) that gives x, y and z displacements at points (k, 3) from the unknowns.
-        reach : largest distance of a point from the solid, metres. Raises StaticsError for points farther away."""
+        """Return the matrix (3 k, N) that maps the N unknowns to displacements at k points.
+        points : (k, 3) metres.    reach : largest distance of a point from the solid, metres.
+        Raises StaticsError for points farther away."""
         from skfem import ElementTetP2
 
         tet, local = self._locate(points, reach)
@@ -144,7 +144,7 @@ class SolidModel:
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
         """Return the tetrahedron (k,) that contains each point, and the point's coordinates (3, k) in it.
-        A point outside of the solid gets the best of the 40 nearest tetrahedra."""
+        Points outside of the solid get a tetrahedron nearby."""
         candidates = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
         P = self.mesh.X[self.mesh.T[candidates]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
@@ -157,15 +157,15 @@ class SolidModel:
         if len(lost):
             place = points[lost[0]].round(4).tolist()
             raise StaticsError(
-                f"{len(lost)} of {len(points)} loaded or held points of the sheet are outside of the file's solid "
-                f"(the first at {place} m)"
+                f"the file's solid does not contain {len(lost)} of {len(points)} points of the sheet with loads or "
+                f"supports (the first at {place} m)"
             )
         return candidates[numbers, choice], local[numbers, choice].T
 
 
 def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
-    """Return the stiffness, and the numbers (30, k) of the unknowns of k tetrahedra.
-    at_once : number of tetrahedra in one step; the default takes about 150 MB."""
+    """Return the stiffness matrix, and the numbers (30, k) of the unknowns of k tetrahedra.
+    at_once : number of tetrahedra in one step, which limits the memory."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -184,7 +184,7 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """Supports of a model as r springs; each acts on a linear combination of the unknowns.
+    """Supports of a model as r springs. Each spring acts on a linear combination of the N unknowns.
     rows : (r, N) coefficients of the combinations.     stiffness : (r,) N/m; very large for a rigid support."""
 
     rows: csr_array
@@ -209,8 +209,8 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
 
 
 EDGE = 1.0
-"""Longest edge on the solid's surface, divided by the thickness. With a value of 2, members twice as wide as thick had
-compliances that were 2.5 to 5 % too small."""
+"""Longest edge on the solid's surface, divided by the thickness. With a value of 2, compliances were up to 5 % too
+small."""
 COARSE = 1 / 100  # smallest `edge` divided by the solid's size; smaller ones give millions of tetrahedra
 RIGID = 1e3  # stiffness of a rigid support's spring, divided by Young's modulus times the thickness
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
@@ -219,9 +219,9 @@ GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 
 @dataclass(frozen=True)
 class SolidCompliance:
-    """Compliances (J) of the cut sheet as a shell and of the file as a solid, under the loads that the pattern follows.
-    tetrahedra, unknowns : their numbers in the solid model.    edge : longest edge on the model's surface, metres.
-    elements : names of the shell's elements."""
+    """Compliances (J) of the cut sheet (`shell`) and of the file (`solid`), under the loads that the pattern follows.
+    tetrahedra : number of tetrahedra in the solid model.    unknowns : number of unknowns.
+    edge       : longest edge on the surface of the solid model, metres.    elements : elements of the shell."""
 
     shell: float
     solid: float
@@ -237,12 +237,11 @@ class SolidCompliance:
 
 
 def compared_compliance(contents: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
-    """Compare the sound solid in a file with the sheet of its design.
+    """Compare the compliance of the solid in a file with that of its design's sheet.
     edge : longest edge on the surface of the solid model, metres; default: see `EDGE` and `COARSE`.
 
-    Loads and supports are those of the cut sheet, at its vertices and at points along its held edges. They act on the
-    mean displacement through the thickness, as on a shell. A flat sheet that is loaded in its plane stays in this
-    plane. Raises StaticsError if gmsh or the solver fails."""
+    The loads and supports of the cut sheet act on the mean displacement through the thickness.
+    Raises StaticsError if gmsh or the solver fails."""
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness
     longest = edge or max(EDGE * t, COARSE * contents.size)
@@ -262,7 +261,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
-    """Points of a sheet in a solid that is `thickness` metres thick.
+    """Points of a sheet in a solid with a thickness (m).
     shift : distance from the sheet to the middle of the solid, as a multiple (-1, 0, 1) of half the thickness."""
 
     model: SolidModel
@@ -271,14 +270,14 @@ class SupportPoints:
     shift: int
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
-        """Return the matrix (3 k, N) that gives mean displacements through the thickness at k places from the unknowns.
-        The three Gauss points are symmetric about the middle, so a force on their mean has no moment."""
+        """Return the matrix (3 k, N) that maps unknowns to mean displacements through the thickness at k places."""
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return the matrix (r, N) that gives rotations at `samples` of the marked edges from the unknowns.
-        A rotation is the displacement across the edge of the upper Gauss point minus that of the lower one."""
+        """Return the matrix (r, N) that maps the N unknowns to rotations about the marked edges, at r `samples`.
+        A rotation is the difference between the displacements of the upper and the lower Gauss point across the edge.
+        """
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -289,8 +288,8 @@ class SupportPoints:
         return csr_array(csr_array(entries, shape=(k, 3 * k)) @ apart)
 
     def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
-        """Return places (k, 3) on marked edges, the normals of the faces there, and the edges' vectors.
-        Places are at most half a thickness apart; with larger distances, the solid would move between them."""
+        """Return places (k, 3) on marked edges, the normals of the faces there, and the vectors of the edges.
+        The distance between places is at most half a thickness, so that the solid cannot move between them."""
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)

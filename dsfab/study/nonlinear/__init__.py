@@ -11,19 +11,22 @@ from dsfab.design import Design, Progress, loads_on, silent
 from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
-CANDIDATE, JUMP = 10.0, 5.0  # ratios of displacement per load in a snap to the first, and to the previous step
+CANDIDATE, JUMP = 10.0, 5.0
+"""Smallest displacement per load in a snap, divided by that in the first step, and by that in the previous step."""
 
 
 @dataclass(frozen=True, eq=False)
 class NonlinearCheck:
     """Result of CalculiX for a design under one case.
-    linear    : factor on the loads at which the perfect solid buckles by linear theory.
-    limit     : factor at which the imperfect solid fails (`given_way` True); else the largest computed factor.
-    imperfection : largest initial deviation, metres; its shape is that of the buckling mode.
+    linear    : load factor at which the perfect solid buckles by linear theory.
+    limit     : load factor at which the imperfect solid fails; if it does not fail, the largest computed factor.
+    given_way : True if the solid fails.
+    imperfection : largest initial deviation in the shape of the buckling mode, metres.
     moved     : largest displacement (m) under the loads, or at the limit if `limit` is below 1.
-    load, u   : factors (k,) of the path, and largest displacements (k,), metres.    triangles : number in the sheet.
-    edge      : edge length (m) of the mesh, if the surface was cut again for this check; else 0.
-    minutes   : time limit of each run of CalculiX, if the path ended there; else 0."""
+    load, u   : (k,) load factors of the path, and (k,) largest displacements, metres.
+    triangles : number of wedges, one for each triangle of the sheet.
+    edge      : edge length (m) if the surface was cut again for this check; else 0.
+    minutes   : time limit that ended the path; else 0."""
 
     case: str
     linear: float
@@ -61,13 +64,13 @@ def nonlinear_check(
     progress: Progress = silent,
     edge: float | None = None,
 ) -> NonlinearCheck:
-    """Find the factor on the loads at which a cut sheet fails, as a solid with large displacements.
+    """Find the load factor at which a cut sheet fails, as a solid with large displacements.
     case         : case or combination; default: the first combination, or else the first case.
     imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
     edge         : edge length (m) of the mesh for the check, or 0: see `without_fillets`.
     Raises StaticsError for springs, a time of 0, loads without support, and if CalculiX is missing or fails."""
     if not minutes > 0:
-        raise StaticsError(f"a time limit of {minutes:g} minutes is too short for CalculiX; give --minutes 60, or more")
+        raise StaticsError(f"the time limit of {minutes:g} minutes is not positive; give --minutes 60, or more")
     require_ccx()
     requested_design, design = design, without_fillets(design, edge, progress)
     cases, surface = design.statics.cases, design.surface
@@ -77,7 +80,7 @@ def nonlinear_check(
     amount = float(np.ptp(surface.V, axis=0).max()) * (1 / 300) if imperfection is None else imperfection
     if not 0 <= amount < surface.size:
         raise StaticsError(
-            f"an imperfection of {amount:g} m is negative or larger than the design; give metres, for instance 0.02"
+            f"the imperfection of {amount:g} m is negative or larger than the design; give metres, for instance 0.02"
         )
     sheet, statics = design.sheet, design.preset.statics
     load = loads_on(surface, sheet, {name: cases[name].load})[name]
@@ -92,14 +95,12 @@ def nonlinear_check(
 
 
 def without_fillets(design: Design, edge: float | None, progress: Progress) -> Design:
-    """Return the design without fillets in the corners of openings. In a dome, fillets had half of the triangles, but
-    changed linear buckling by only 0.4 %.
-    edge : edge length (m) of the surface, if that of the design is smaller; 0 returns the design itself. A mesh from a
-           file does not change if the preset has no edge length.
+    """Return the design without fillets in the corners of openings. This halves the mesh, and hardly changes buckling.
+    edge : smallest edge length (m) of the surface; 0 returns the design itself.
     Raises StaticsError for an edge that is negative or longer than the surface."""
     if edge is not None and not 0 <= edge < design.surface.size:
         raise StaticsError(
-            f"edges of {edge:g} m are negative or longer than the surface; give metres, such as 0.5, or 0"
+            f"the edge length {edge:g} m is negative or longer than the surface; give metres, such as 0.5, or 0"
         )
     changes: dict[str, float] = {}
     if edge and 0 < getattr(design.preset.surface, "edge", 0.0) < edge:
@@ -126,7 +127,7 @@ def solid_check(
     start = model.solid.nodes + imperfection * shape
     path = load_path(model, start, (largest_factor,), watched, seconds, last_point)
     limit_step, given_way = limit_of(path)
-    # if there is no equilibrium just above the last load, finer steps would change nothing
+    # without an equilibrium just above the last load, finer steps do not help
     has_no_equilibrium = given_way and limit_step == len(path.load) - 1
     if not has_no_equilibrium and (fine := softest_range(path)) is not None:
         progress("nonlinear", f"loads from {fine[0]:.3g} to {fine[1]:.3g} times theirs in finer steps")
@@ -141,8 +142,8 @@ def solid_check(
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
-    """Return the load factors around the step with the largest displacement per load, for smaller steps there. Return
-    None if this step is not much softer than the first one, or if the factors differ by less than 2 %."""
+    """Return the load factors around the step with the largest displacement per load. Return None if the displacement
+    per load is similar in all steps, or if the factors differ by less than 2 %."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
@@ -151,9 +152,8 @@ def softest_range(path: LoadPath) -> tuple[float, float] | None:
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:
     """Return the number of the last step that the structure bears, and True if it fails in the next step.
-    A step is a failure if its displacement per load is over 100 times that of the first step. It is a snap, and also a
-    failure, if this is over `JUMP` times that of the previous and over `CANDIDATE` times that of the first step. A path
-    that ends early is a failure, too, unless the time limit ended it."""
+    A step fails if its displacement per load is over 100 times that of the first step. It also fails in a snap, see
+    `JUMP` and `CANDIDATE`. A path that ends before its last load is a failure, unless the time limit ended it."""
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
     soft = np.flatnonzero((moves > 100) | np.concatenate([[False], jump]))
@@ -163,9 +163,8 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the point at which a path may stop: the end of a snap, or a point after which CalculiX would only halve
-    the next step again and again; else None. At the second, the displacement per load is over twice that of the first
-    step, and an increment of less than 2.5 % of the load has failed."""
+    """Return the number of the point at which a path may stop, or None. This is the end of a snap, or a point at which
+    CalculiX only halves its steps: a step of less than 2.5 % of the load failed there."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:

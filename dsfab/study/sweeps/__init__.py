@@ -41,9 +41,8 @@ def sweep(
     vary    : dotted preset keys and their values, e.g. {"pattern.major.phase": [0, 0.5], "diffusion.r": [10, 100]}.
     metrics : names from `METRICS`, or a dict of names and functions of a Design.
     keep    : function of the changes and the Design of each successful run, e.g. to write files.
-    Runs reuse stages of earlier runs: a sweep over pattern keys solves statics and modes once. For names from
-    `METRICS`, only the necessary stages run. A design that cannot be built gives a Run with its error. The command
-    `dsfab sweep` uses many processes and a folder, and can continue after a stop.
+    Runs reuse stages of earlier runs. A design that cannot be built gives a Run with its error. For many processes, or
+    to continue after a stop, use the command `dsfab sweep`.
     Raises PresetError for invalid keys, metrics or values, before anything is built."""
     measured = _metrics(metrics)
     listed = list(combinations(vary))

@@ -29,8 +29,8 @@ NAME = "coordinator.lock"
 
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
-    """Lock a sweep folder, so that one process coordinates the sweep. The lock is an SQLite file, which the system
-    unlocks when the process ends. A text file beside it names the process. Raises DsfabError for a locked folder."""
+    """Lock a sweep folder, so that one process coordinates the sweep. The system unlocks it when the process ends.
+    Raises DsfabError for a locked folder."""
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
     try:
@@ -40,7 +40,7 @@ def only_coordinator(folder: Path) -> Iterator[None]:
             if "locked" not in str(error):
                 raise DsfabError(f"{folder} cannot be written: {error}; choose another folder with -o") from error
             raise DsfabError(
-                f"{_held_by(holder)} is running the sweep in {folder} already; wait for it, or stop it first"
+                f"{_held_by(holder)} is running the sweep in {folder} already; wait until it ends, or stop it"
             ) from None
         with suppress(OSError):
             holder.write_text(f"process {os.getpid()} on {platform.node()}", encoding="utf-8")
@@ -168,7 +168,7 @@ class SweepFolder:
     def from_folder(cls, path: Path) -> "SweepFolder":
         """Return the sweep in a folder. Raises DsfabError if the folder contains no sweep."""
         if not (path / SWEEP).is_file():
-            raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give a sweep's folder or a sweep file")
+            raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give the folder or the file of a sweep")
         plan = load_plan(path / SWEEP)
         return cls(path, plan, base_preset(plan))
 
@@ -258,11 +258,10 @@ def checked_plan(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
 def prepare(
     plan: Plan, folder: Path, extend: bool = False, checked: tuple[Preset, list[dict[str, Any]]] | None = None
 ) -> SweepFolder:
-    """Create or update the folder of a plan and record its runs; call this function inside `only_coordinator`.
+    """Create or update the folder of a plan and record its runs. Call this function inside `only_coordinator`.
     checked : result of `checked_plan`, if the caller has it.
-    extend  : True if a changed plan may add runs to the recorded runs; else it raises DsfabError. If metrics or kept
-              files change, all runs are repeated.
-    Raises PresetError for invalid keys and values."""
+    extend  : True if a changed plan may add runs. New metrics or kept files repeat all runs.
+    Raises DsfabError for a changed plan without `extend`, and PresetError for invalid keys and values."""
     preset, runs = checked_plan(plan) if checked is None else checked
     settled = _portable_plan(plan, runs)
     texts = {"plan": plan_toml(settled), "preset": preset_toml(preset)}
@@ -275,8 +274,8 @@ def prepare(
                 raise DsfabError(f"{folder} holds a sweep of another preset; choose another folder with -o")
             if changed and not extend:
                 raise DsfabError(
-                    f"{folder} holds another sweep ({', '.join(sorted(changed))} differ); add --extend to add the new "
-                    "runs to it, or choose another folder with -o"
+                    f"{folder} holds another sweep ({', '.join(sorted(changed))} differ); use --extend to add the "
+                    "new runs, or choose another folder with -o"
                 )
             if changed & RENEWING:
                 store.reset_to_waiting(("done", "failed", "killed"))

@@ -62,8 +62,8 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the width that stripes exceed on 90 % of their area. A width is 2 d / |grad z|: inside a stripe, the field
-    z differs by at most d from its value at the stripe's middle."""
+    """Return the width (m) that stripes exceed on 90 % of their area. It is 2 d / |grad z| for a stripe of the field z,
+    where d is the largest difference from the middle of the stripe."""
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)

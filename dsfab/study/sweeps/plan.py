@@ -100,8 +100,8 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as one table with dotted keys. Three kinds of tables stay as they are: ranges, which have
-    the key `from`; empty tables; and tables whose own key has dots, as after --set."""
+    """Return nested tables as one table with dotted keys. Ranges (tables with the key `from`), empty tables, and tables
+    whose own key has dots stay tables."""
     entries: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
@@ -154,7 +154,7 @@ class Constraint:
             limit = float(value) * METRES_PER[unit or "m"]
         except (ValueError, KeyError):
             raise PresetError(
-                f"constraint {text!r} is not METRIC SIGN NUMBER; write 'pieces == 1' or 'min_width >= 8 mm'"
+                f"constraint {text!r} is not METRIC SIGN NUMBER; write for instance 'min_width >= 8 mm'"
             ) from None
         if name not in METRICS:
             raise PresetError(
@@ -341,8 +341,7 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 
 def plan_toml(plan: Plan) -> str:
-    """Return the complete plan, with defaults, as TOML. Varied keys keep their order, because samples and run numbers
-    depend on it. Each range is one line, because tomli_w would write a table for each range."""
+    """Return the complete plan as TOML. Varied keys keep their order, because run numbers depend on it."""
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
     lines = [_line(key, value) for key, value in vary.items()]

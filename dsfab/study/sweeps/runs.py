@@ -29,9 +29,9 @@ MOST = 1_000_000  # limit on the number of runs
 
 
 def points(plan: Plan) -> list[Changes]:
-    """Return the changes of each run, without repetition.
-    sobol : scrambled Sobol points. A larger set begins with the points of a smaller set, so a sweep can be extended.
-    lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another number of points gives other points.
+    """Return the changes of each run, without repetition. `plan.sampling` is a grid, a CSV file, or one of:
+    sobol : scrambled Sobol points. A larger set begins with the points of a smaller one, so a sweep can be extended.
+    lhs   : Latin hypercube [McKay, Beckman, Conover 1979]. Another number of points gives other points.
     Raises PresetError for more than `MOST` points, and for a CSV file that cannot be read."""
     kind, _, rest = plan.sampling.partition(":")
     if kind == "csv":
@@ -101,8 +101,8 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """Yield the changes of each row in a CSV file; each column is a dotted key, with values as after --set.
-    If some columns begin with 'in:', all other columns are ignored.
+    """Yield the changes of each row in a CSV file. Each column is a dotted key, with values as after --set.
+    If columns begin with 'in:', only these columns are used.
     Raises PresetError for a file that has no rows or cannot be read."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -113,7 +113,7 @@ def from_csv(path: Path) -> Iterator[Changes]:
     keys = {name: name.removeprefix("in:") for name in names if name and name.startswith("in:")}
     keys = keys or {name: name for name in names if name}
     if not rows or not keys:
-        raise PresetError(f"points {path.name} has no rows; give a header of dotted keys and a row for each run")
+        raise PresetError(f"{path.name} has no rows; write dotted keys in the first row, and a row for each run")
     for row in rows:
         yield {key: parse_override(f"{key}={row[name] or ''}")[1] for name, key in keys.items()}
 
@@ -164,7 +164,7 @@ class Store:
     def open(cls, folder: Path) -> "Store":
         """Open the database of a sweep. Raises DsfabError if the database is missing."""
         if not (folder / NAME).is_file():
-            raise DsfabError(f"{folder} holds no sweep ({NAME} is missing); give a sweep's folder or a sweep file")
+            raise DsfabError(f"{folder} holds no sweep ({NAME} is missing); give the folder or the file of a sweep")
         return cls._connect(folder / NAME)
 
     @classmethod
@@ -318,8 +318,8 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 
 FEWEST, PER_AXIS = 12, 4
-"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. It does not depend on
-the number of evaluations, so that a search can be extended."""
+"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. The number of
+evaluations has no influence, so that a search can be extended."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
 """Smallest costs of runs that miss constraints, failed, or were not made; nearer to a limit costs less [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
@@ -333,7 +333,7 @@ def search(plan: Plan, make: Make) -> None:
 
 def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
     """Return the cost of a run: the logarithm of the metric, with a minus sign if more is better. A run that failed or
-    misses a constraint costs `MISSED` or more."""
+    misses a constraint costs at least `MISSED`."""
     if row is None:
         return NOT_MADE
     value = row.metrics.get(metric, float("nan"))

@@ -11,7 +11,7 @@ from dsfab.study.sweeps.runs import Store
 from dsfab.study.sweeps.workers import Changes, Outcome, Workers
 from dsfab.study.variations import stage_order
 
-TRIES = 2  # after so many dead workers, a run is recorded as killed; the next session makes it alone
+TRIES = 2  # number of dead workers after which a run is recorded as killed
 PATIENCE = 600.0  # seconds without workers after which the scheduler stops
 Deliver = Callable[[Outcome, Changes], list[str]]  # writes the files of a run and returns their names
 
@@ -52,11 +52,12 @@ def conduct(
     report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
 ) -> None:
-    """Carry out the waiting `runs` (changes by number) of a store, until each is done, failed or killed.
-    report   : is called with the progress, before the first run and after each run.
-    progress : of the whole sweep; default: counted from the recorded runs.
-    Raises DsfabError if nothing can be written, or if no worker appears. After an error, unfinished runs are still
-    recorded as running; `Store.reset_to_waiting` resets them."""
+    """Carry out the waiting runs of a store until each is done, failed or killed.
+    runs     : changes of each run by its number.
+    report   : function that receives the progress, before the first run and after each run.
+    progress : progress of the whole sweep; default: counted from the recorded runs.
+    Raises DsfabError if nothing can be written, or if no worker appears. Unfinished runs are then still recorded as
+    running."""
     _Scheduler(store, crew, runs, deliver, report, progress or current_progress(store)).run()
 
 
@@ -130,7 +131,7 @@ class _Scheduler:
                     self._receive(future)
             elif time.monotonic() - alone_since > PATIENCE:
                 raise DsfabError(
-                    f"no worker was connected for {PATIENCE:.0f} s; start workers and give the command again"
+                    f"no worker was available for {PATIENCE:.0f} s; start workers and give the command again"
                 )
             else:
                 time.sleep(tick)

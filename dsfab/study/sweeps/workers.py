@@ -33,7 +33,7 @@ class Job:
     """Data that all runs of a sweep need, in a form that can be sent to workers.
     token   : text that identifies the job.    preset : the base preset as nested tables.
     metrics, keep, formats : see `Plan`.       draw : function that draws a picture, or None.
-    mesh    : content of the preset's mesh file, for workers that cannot read the file."""
+    mesh    : content of the mesh file, for workers that cannot read the file; else None."""
 
     token: str
     preset: Mapping[str, Any]
@@ -48,7 +48,7 @@ class Job:
 class Outcome:
     """Result of a run: its metrics, its error ('' for success) and log, and files by name.
     seconds : time on the worker.    peak : peak memory of the worker's process, bytes (0 if unknown).
-    killed  : True if the system killed the worker at each attempt, which says nothing about the design."""
+    killed  : True if the system killed the worker at each attempt. The design may still be sound."""
 
     number: int
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -188,8 +188,8 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class LocalWorkers:
-    """Worker processes on this machine, each in its own pool, so that a killed worker stops no other worker.
-    workers : their number; default: as many as fit into memory, by the peak memory of finished runs."""
+    """Worker processes on this machine. Each has its own pool, so that a killed worker stops no other worker.
+    workers : number of workers; default: as many as fit into memory."""
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
         self._job, self._asked = job, workers
@@ -206,7 +206,7 @@ class LocalWorkers:
             return self._asked
         if not self._peak:
             return 1
-        # workers may use 80 % of the memory that was free at the start
+        # workers use up to 80 % of the initially free memory
         return max(1, min(cores(), int(0.8 * self._free / self._peak) if self._free else cores()))
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
@@ -313,8 +313,8 @@ SECONDS = 20  # time limit for the answer of a Dask scheduler
 
 class DaskWorkers:
     """Workers of a Dask scheduler, including workers that join later. If a worker dies, Dask gives its run to another
-    worker. Start one worker per core, with one thread each (`dask worker --nthreads 1`), because a worker makes one run
-    at a time. Raises DsfabError if dask is not installed or the scheduler does not answer."""
+    worker. Each worker should have one thread (`dask worker --nthreads 1`), because it makes one run at a time.
+    Raises DsfabError if dask is not installed or the scheduler does not answer."""
 
     def __init__(self, job: Job, scheduler: str) -> None:
         try:
@@ -368,9 +368,9 @@ def fitting_processes(count: int) -> int:
 def map_in_processes(
     job: Callable[[Item], Result], items: Sequence[Item], workers: int, work: Callable[[Item], float] | None = None
 ) -> Iterator[Result]:
-    """Yield job(item) for each item in order, from `workers` processes of one thread each; if 1, from this process.
-    work : expected duration of an item in any unit; long items start first, so that all processes end together.
-    Raises DsfabError if a process dies. If the caller stops iterating, all processes end."""
+    """Yield job(item) for each item in order. Raises DsfabError if a process dies.
+    workers : number of processes with one thread each; 1 for the current process.
+    work    : expected duration of an item in any unit. Long items start first."""
     if workers == 1:
         yield from map(job, items)
         return

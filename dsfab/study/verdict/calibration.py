@@ -36,12 +36,12 @@ TABLE = files("dsfab.study.verdict") / "calibration.csv"
 @dataclass(frozen=True)
 class TrialRow:
     """A random design, solved on two to four meshes.
-    width, share : width rule, and share of the surface that is material.
-    vertices     : number in the uncut mesh.     triangles : number in the cut mesh.
+    width        : width rule.     share : share of the surface that is material.
+    vertices     : number of vertices of the uncut mesh.     triangles : number of triangles of the cut mesh.
     per_member, facets : see `Verdict`.
-    quick        : compliance (J) with the elements hybrid + hhj on the unrefined cut mesh.
-    midedge      : compliance (J) with quadratic + midedge on the first mesh of the verdict.
-    compliance   : in J, with quadratic + hhj, on each mesh.
+    quick        : compliance (J) by hybrid + hhj elements on the unrefined cut mesh.
+    midedge      : compliance (J) by quadratic + midedge elements on the first mesh of the verdict.
+    compliance   : compliance (J) by quadratic + hhj elements on each mesh.
     recovery     : sum of `Level.zz_membrane` and `Level.zz_bending` on each mesh."""
 
     kind: str
@@ -105,8 +105,9 @@ class TrialRow:
 @dataclass(frozen=True)
 class Summary:
     """Statistics of the tested designs of a table.
-    designs, converged : number of designs, and of converged designs.    largest_error : largest error of the verdict.
-    inside        : share of designs whose error is within the bound.    median_bound : median of all bounds.
+    designs      : number of designs.     converged : number of converged designs.
+    inside       : share of designs whose error is within the bound.     median_bound : median of all bounds.
+    largest_error : largest error of the verdict.
     quick_median, quick_most : median and 90 % quantile of the errors of `quick`."""
 
     designs: int
@@ -211,8 +212,7 @@ KINDS: dict[str, Kind] = {
     ),
     "ring": Kind("bob", {"surface.edge": 0.1, "statics.thickness": 0.03, "pattern.keep": 0.08}, (3.0, 6.0)),
 }
-"""Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface with one handle. The snap value
-of `sphere` is that of the shipped table."""
+"""Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface with one handle."""
 
 
 def random_design(kind: str, seed: int) -> Design:
@@ -232,8 +232,8 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return the results of a random design on up to `count` meshes. The fourth mesh is left out for large designs
-    whose verdict needs only two. Raises DsfabError if the design cannot be built or does not carry its loads."""
+    """Return the results of a random design on up to `count` meshes. Large designs whose verdict needs two meshes get
+    no fourth mesh. Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())
@@ -272,8 +272,8 @@ def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *p
 
 
 def calibrate(count: int = 8, report: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
-    """Yield the rows of the first `count` designs of each kind that can be built; this takes a quarter of an hour.
-    report : receives the kind and the seed before each design."""
+    """Yield the rows of the first `count` designs of each kind that can be built. This takes a quarter of an hour.
+    report : function that receives the kind and the seed before each design."""
     for kind in KINDS:
         seed = solved = 0
         while solved < count:

@@ -10,7 +10,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
-EXTRAPOLATION_DIVISOR = 2.0  # d in the value c1 + (c1 - c0) / d from the compliances c0, c1 of two meshes
+EXTRAPOLATION_DIVISOR = 2.0  # d in the extrapolation c1 + (c1 - c0) / d from two meshes
 LEAST_BOUND = 0.003  # smallest bound: the calibration table itself has errors of 0.1 to 0.2 %
 QUICK_ERRORS = (0.02, 0.05)  # median and 90 % quantile of the relative error of one solve (quick)
 LEAST_EDGES_PER_MEMBER = 4.0  # narrower members, in edges of the uncut mesh, give a warning
@@ -26,16 +26,15 @@ class ComplianceEstimate:
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
     """Return the compliance and its bound, extrapolated from compliances `values` on finer and finer meshes. Each mesh
-    has four times the triangles of the previous one; the elements are quadratic + hhj.
+    has four times the triangles of the previous mesh; the elements are quadratic + hhj.
     spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. Each refinement
-               about halves it; measuring it on finer meshes would take too long.
+               about halves it.
     recovery : recovery error of the finest mesh, see `Level.zz_membrane`.
-
-    With three meshes, the value is the mean of two extrapolations: with `EXTRAPOLATION_DIVISOR`, and with the ratio of
-    the two differences between meshes. On the ten designs with a fourth mesh, neither of them alone is better."""
+    With three meshes, the value is the mean of two extrapolations: by `EXTRAPOLATION_DIVISOR` and by
+    `limit_at_own_rate`."""
     of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest that suffice for calibration.csv
     if len(values) < 2:
-        # in 19 of 20 designs the error is below 1.7 times the recovery error
+        # for 19 of 20 designs, the factor 1.7 suffices
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
     step = values[-1] - values[-2]
     usual_limit, own_limit = values[-1] + step / EXTRAPOLATION_DIVISOR, limit_at_own_rate(values)
@@ -55,16 +54,15 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
 
 WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for which two meshes suffice
 STEP_RATIOS = (1.5, 4.0)
-"""Smallest and largest ratio of successive differences between meshes, for an extrapolation. With each mesh, the error
-of an eigenvalue falls to 1 / 2.1 at reentrant corners, and to 1 / 16 on smooth sheets. Below the smallest ratio, the
-differences count as not decreasing."""
+"""Smallest and largest ratio of successive differences between meshes, for an extrapolation. Below the smallest ratio,
+the differences do not decrease clearly."""
 
 
 @dataclass(frozen=True)
 class ModeEstimate:
     """Lowest buckling factor, or lowest frequency (Hz).
     bound : largest error, divided by the value; inf for one mesh.
-    ratio : difference between the first two meshes, divided by that between the last two; None without three meshes."""
+    ratio : first difference between successive meshes divided by the second one; None without three meshes."""
 
     value: float
     bound: float
@@ -77,15 +75,13 @@ class ModeEstimate:
 
 
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
-    """Return value and bound from the lowest eigenvalue on one to three meshes, each with four times the triangles of
-    the previous mesh. A step is the difference of the values on two successive meshes.
+    """Return value and bound from the lowest eigenvalue on one to three meshes. Each mesh has four times the triangles
+    of the previous mesh. A step is the difference of the values on two successive meshes.
 
-    With two meshes, half of the step is added to the last value. The bound is the whole step, which is enough for step
-    ratios from 1.7. With three meshes, the value is extrapolated by the ratio of the steps, limited to `STEP_RATIOS`;
-    the bound is the extrapolated part. If the steps have opposite signs, the value is that of the finest mesh, and the
-    bound is twice the last step. If the steps do not decrease, the bound is twice the larger step. Only mesh errors are
-    covered: the sheet is thin, perfect in shape, and linear until it buckles. The rule was not tested on random
-    designs."""
+    Two meshes: half of the step is added to the last value, and the bound is the whole step. Three meshes: the value is
+    extrapolated by the ratio of the steps, and the bound is the extrapolated part. Three meshes whose steps have
+    opposite signs or do not decrease: the value is that of the finest mesh, and the bound is twice the larger or last
+    step. Only mesh errors are covered."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -107,8 +103,8 @@ REENTRANT_ANGLE = np.radians(30)  # smallest excess of the angle at a reentrant 
 @dataclass(frozen=True)
 class Extreme:
     """Largest `value` of a quantity, its `place` (m), and the value that 99 % of the area does not exceed (`quantile`).
-    away : largest value farther than a rib's width from corners, because the stress at corners grows with each
-           refinement; None if no face is so far away, or for other quantities than stress."""
+    away : largest stress farther than a rib's width from corners, where the stress grows with each refinement. None for
+           other quantities, or if no face is so far away."""
 
     value: float
     place: tuple[float, float, float]
@@ -122,8 +118,9 @@ class Extreme:
 
 
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
-    """Return extremes (Pa) of `stress` (von Mises), `tension` and `compression` (principal stresses). In each face, the
-    largest of both sides and the middle of the sheet counts, at least 0. supported : (n,) mask of vertices."""
+    """Return extremes (Pa) of `stress` (von Mises), `tension` and `compression` (principal stresses, at least 0).
+    supported : (n,) mask of supported vertices.
+    In each face, the largest value of both sides and the middle of the sheet counts."""
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
         "stress": stress.largest,
@@ -153,7 +150,7 @@ def off_corners(surface: Surface, supported: Bools) -> Bools:
     if not len(corners):
         return np.ones(surface.m, dtype=bool)
     distances, _ = cKDTree(surface.V[corners]).query(surface.centroids)
-    # the limit of 5 % of the size is for sheets without openings, which have no ribs
+    # the limit of 5 % is for sheets without openings
     return np.asarray(distances > min(rib_width(surface), 0.05 * surface.size))
 
 

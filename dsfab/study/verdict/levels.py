@@ -35,17 +35,17 @@ from dsfab.surface import LoadCase, Surface
 
 
 class Shares(NamedTuple):
-    """Forces of a load on a cut sheet, newtons, by places on the uncut surface; so they do not depend on the cut mesh.
+    """Forces of a load on a cut sheet, newtons, by places on the uncut surface. They do not depend on the cut mesh.
     vertices : (n, 3) forces on the material around each vertex of the uncut surface.
-    faces    : (p, 3) forces on the material in each of its faces, up to the last face with material."""
+    faces    : (p, 3) forces on the material in each uncut face, up to the last face with material."""
 
     vertices: Floats
     faces: Floats
 
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
-    """Return the forces of each load by places on the uncut surface; their sum is the force of the load.
-    loads : see `sheet_loads`. Forces at points inside an uncut face are divided between its vertices."""
+    """Return the forces of each load by places on the uncut surface.
+    loads : loads on the sheet. A force inside an uncut face is divided between the vertices of this face."""
     areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
     for name, load in loads.items():
@@ -62,8 +62,8 @@ def on_mesh(
     uncut_loads : supports and loads on the uncut surface.    forces : `shares` of these loads.
 
     The force of a vertex spreads over the material around it, in proportion to the linear shape function of the uncut
-    mesh. So a load has the same place and size on every mesh, and is no point force: under that, a sheet in its plane
-    would move infinitely far. A load on a face spreads evenly over the face's material."""
+    mesh. So the load is the same on every mesh. It is no point force, because the displacement under a point force
+    does not converge. A load on a face spreads evenly over the material of this face."""
     F, areas = sheet.surface.F, sheet.surface.areas
     hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum of the corners
     mass = np.asarray(hats.T @ areas)
@@ -82,12 +82,11 @@ PARABOLIC_SHEAR = 6 / 5  # energy factor of a parabola of shear stress over the 
 
 
 class RibSoftening(NamedTuple):
-    """Effects that make a solid softer than a thin sheet, each as compliance divided by that of the thin sheet.
-    torsion : additional compliance if ribs twist as bars of their own width and thickness (`solve_cases`); inf if this
-              second solve fails.
-    shear   : transverse shear, 6 q^2 / (5 G h) per square metre. The shear force q is averaged over faces within half a
-              thickness, because a solid spreads the shear force at a narrow place.
-    bending : bending, times the square root of thickness / mean rib width."""
+    """Effects that make a solid softer than a thin sheet, as compliances divided by that of the thin sheet.
+    torsion : additional compliance if ribs twist as bars; inf if the second solve fails.
+    shear   : compliance by transverse shear, 6 q^2 / (5 G h) per square metre. The shear force q is a mean of faces
+              within half a thickness.
+    bending : compliance by bending, times the square root of thickness / mean rib width."""
 
     torsion: float
     shear: float
@@ -136,10 +135,7 @@ def _means_within(surface: Surface, reach: float) -> csr_array:
 
 def theory_share(soft: RibSoftening) -> float:
     """Return the largest expected value of the solid's compliance divided by that of the thin sheet, minus 1.
-
-    The factors are large enough for all solids that CalculiX solved as quadratic wedges: 39 random designs, and 31 on
-    other surfaces (`solids.csv`). Of these, 8 with seed 3 came after the formula. All were softer than thin sheets.
-    Torsion and shear follow from mechanics; the bending term is for joints of ribs and thick shells."""
+    The factors suffice for 70 designs that CalculiX solved as solids of quadratic wedges (`solids.csv`)."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 
@@ -150,20 +146,20 @@ BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
 }
-"""Memory (bytes) of a solve per unknown, by solver and bending element, from solves with 0.3 to 3.3 million unknowns.
-PARDISO needs less, because it stores only half of a symmetric factor: 2.7 GB instead of 4.9 GB for 1.2 million."""
+"""Memory (bytes) of a solve per unknown, by solver and bending element, measured with 0.3 to 3.3 million unknowns.
+PARDISO needs less, because it stores only half of a symmetric factor."""
 
 
 @dataclass(frozen=True)
 class Level:
-    """One mesh of a verdict. The main pair of elements is `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` for a single mesh.
-    triangles  : number of triangles.      unknowns : their number in the main pair.
-    compliance : J, by the main pair, for each case.
-    midedge    : J, by `SPREAD_ELEMENTS`, for each case; empty if this pair was not solved.
-    zz_membrane, zz_bending : relative energy errors of the main pair for each case, see `recovery_errors`.
-    residual   : largest relative residual of all cases and pairs, in the energy norm (see `Equilibrium`).
-    seconds    : time of both pairs.       memory     : bytes, the peak of the process so far.
-    stresses   : `stress_extremes` of the main pair for each case.
+    """One mesh of a verdict. The main elements are `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` for a single mesh.
+    triangles  : number of triangles.      unknowns : number of unknowns of the main elements.
+    compliance : compliance (J) by the main elements for each case.
+    midedge    : compliance (J) by `SPREAD_ELEMENTS` for each case; empty if not solved.
+    zz_membrane, zz_bending : relative energy errors of the main elements for each case, see `recovery_errors`.
+    residual   : largest relative residual of all solves, in the energy norm (see `Equilibrium`).
+    seconds    : time of all solves.       memory     : peak memory of the process so far, bytes.
+    stresses   : `stress_extremes` for each case.
     softer     : `rib_softening` for each case; empty if not requested, and for a sheet in its plane."""
 
     triangles: int
@@ -189,7 +185,7 @@ def level(
 ) -> Level:
     """Solve the sheet on one mesh, under loads on the same supports.
     ribs : True to add a second solve in which ribs twist as bars, see `RibSoftening`.
-    Raises StaticsError as `equilibria`."""
+    Raises StaticsError if a solve fails."""
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
     answers_by_pair, model = {}, material.model_for(surface)
@@ -223,8 +219,8 @@ def level(
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the energies of the stress errors of membrane and bending, divided by the compliance. The error is the
-    difference between the stress and its average at vertices [Zienkiewicz and Zhu 1987]; 0 for constant stress."""
+    """Return the energies of the stress errors of membrane and bending, divided by the compliance. The stress error is
+    the difference between the stress and its average at vertices [Zienkiewicz and Zhu 1987]."""
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness

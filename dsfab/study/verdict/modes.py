@@ -34,10 +34,11 @@ MODE_ELEMENTS: Elements = elements_of("buckling")  # also for frequencies, for t
 
 @dataclass(frozen=True)
 class ModeLevel:
-    """Lowest buckling factors and frequency (Hz) on one mesh of `triangles` triangles.
-    buckling : lowest buckling factor of each case; None for a case without compression; empty if not requested.
-    hertz    : None if not requested.
-    local    : clause about a local buckling mode for each case that has one, see `lowest_buckling`."""
+    """Lowest buckling factors and frequency on one mesh.
+    triangles : number of triangles.
+    buckling  : lowest buckling factor of each case, None without compression; empty if not requested.
+    hertz     : lowest frequency (Hz); None if not requested.
+    local     : clauses about local buckling modes by case, see `lowest_buckling`."""
 
     triangles: int
     buckling: Mapping[str, float | None]
@@ -48,8 +49,8 @@ class ModeLevel:
 @dataclass(frozen=True)
 class ModeIntervals:
     """Buckling factors and frequency, extrapolated from all meshes.
-    buckling : the lowest factor of each case with its bound, without cases that do not buckle.
-    hertz    : the lowest frequency with its bound; None if not requested or not found.
+    buckling : lowest factor of each case with its bound; cases that do not buckle are left out.
+    hertz    : lowest frequency with its bound; None if not requested or not found.
     levels   : the meshes, coarse to fine.
     assumed  : assumptions about the supports (`mode_supports`), or ''.
     refusals : reasons why a value or a finer mesh is missing."""
@@ -70,10 +71,8 @@ def mode_intervals(
     setting: LoadedSurface, material: Sheet, request: ResultRequest, budget: float, progress: Progress | None = None
 ) -> ModeIntervals:
     """Return the lowest buckling factor of each case and the lowest frequency of a sheet, as requested.
-
-    The solver runs on the cut mesh, with points on the smooth surface, and on the next finer mesh. A third mesh follows
-    if a bound exceeds `WIDEST_MODE_BOUND`. The result has no mode shapes.
-    budget : bytes; a mesh that would need more is not solved.
+    The cut mesh and the next finer mesh are solved. A third mesh follows if a bound exceeds `WIDEST_MODE_BOUND`.
+    budget : memory limit of a mesh, bytes.
     Errors are not raised, but listed in `refusals`."""
     levels: list[ModeLevel] = []
     refusals: list[str] = []
@@ -82,7 +81,7 @@ def mode_intervals(
         sheet, _, loads = attached_material(setting, material)
         forces = shares(sheet, loads)
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
-            # two factorisations are stored, so the memory is estimated for the solver that needs more
+            # two factorisations are stored: assume the solver that needs more memory
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")

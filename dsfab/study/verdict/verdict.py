@@ -70,8 +70,8 @@ def whole_sheet(surface: Surface) -> Sheet:
 def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
-    """Return the material that is connected to a support, the dropped pieces (largest first), and the loads on the
-    attached material. Raises StaticsError without supports, for a free rigid motion, and for a load without support."""
+    """Return the material that is connected to a support, the dropped pieces (largest first), and the loads.
+    Raises StaticsError without supports, for a free rigid motion, and for a load without support."""
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)
@@ -101,8 +101,8 @@ class CaseVerdict:
     """The verdict on one load case or combination.
     value  : compliance, J; nan without a solution.
     bound  : largest error of the value, divided by the value; inf if unknown.
-    status : pass: the sheet carries the loads, and the bound is at most `CONVERGED`. fail: the sheet does not carry the
-             loads. unknown: the bound is larger.
+    status : pass if the sheet carries the loads and the bound is at most `CONVERGED`; fail if the sheet does not carry
+             the loads; else unknown.
     spread : compliance by quadratic + midedge divided by that by quadratic + hhj, minus 1, on the first mesh.
     zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
     theory : fraction by which a solid may be softer than this thin sheet, see `theory_share`."""
@@ -122,13 +122,13 @@ class CaseVerdict:
 class Verdict:
     """Result of `check`.
     depth      : quick (one mesh) or full (two or three meshes).
-    status     : the worst of all cases.       reason : reason for the status of the governing case.
-    cases      : sorted: the worst status first, then the largest compliance. The first case governs.
+    status     : worst status of all cases.       reason : reason for the status of the first case.
+    cases      : verdicts on the cases, the worst status first, then the largest compliance. The first case governs.
     levels     : the solved meshes, coarse to fine.
-    dropped    : pieces of material that reach no support, largest first; the solver omits them.
+    dropped    : pieces of material that reach no support, largest first. They are not solved.
     per_member : mean width of members in edges of the uncut mesh; inf for a closed sheet without openings.
     facets     : median of L^2 / (R h) of the uncut mesh: edge length L, radius of curvature R, thickness h.
-    warnings   : a sentence if `per_member` is too small, and if `facets` is too large."""
+    warnings   : sentences about a small `per_member` and a large `facets`."""
 
     depth: Depth
     status: Status
@@ -187,7 +187,7 @@ COUNT = {2: "two levels", 3: "three levels"}
 @dataclass
 class Refinement:
     """The solved meshes of a verdict.
-    stopped  : status and reason if the refinement ended early; None after convergence or the last mesh.
+    stopped  : status and reason if the refinement ended early, else None.
     unsolved : True if the solver rejected the last mesh."""
 
     setting: LoadedSurface
@@ -293,13 +293,12 @@ def check(
 ) -> Verdict:
     """Return the compliance of a cut sheet under its loads with a bound, or the reason why it is unknown or fails.
     subject : a design, or a `LoadedSurface`.
-    sheet   : the material on the subject's surface, with loose pieces; default: that of the design.
-    depth   : "quick": one solve on the unrefined mesh. "full": an extrapolation from the cut mesh and its refinement,
-              with points on the smooth surface. A third mesh follows if the bound exceeds 2 %.
-    budget  : bytes that the solver may take; a mesh that would need more is not solved, and the reason says so.
-    cells   : the cut mesh with openings; default: that of a design. If needle-shaped faces stop the solver, they are
-              removed from this mesh (`dsfab.slicing.finishing.mesh_quality`), and the solver runs again.
-
+    sheet   : material on the surface, with loose pieces; default: that of the design.
+    depth   : "quick": one solve on the unrefined mesh. "full": an extrapolation from two meshes, or from three if the
+              bound exceeds 2 %.
+    budget  : memory limit of a mesh, bytes.
+    cells   : cut mesh with openings; default: that of a design. If very thin triangles (needles) stop the solver, they
+              are removed from `cells`, and the solver runs again.
     A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError without a sheet."""
     start = time.perf_counter()
     setting = LoadedSurface.from_design(subject) if isinstance(subject, Design) else subject
