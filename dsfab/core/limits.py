@@ -15,8 +15,8 @@ The limit is far below the error of the elements. It is above rounding errors on
 REPORTED_RESIDUAL = 1e-8  # Largest relative residual, in energy, that dsfab does not report.
 RESIDUAL = 1e-6
 """Largest accepted relative residual, and largest relative error of a compliance that the residual may cause.
-The limit is far below the error of the elements. Rounding errors reach 1e-8 on very thin triangles. They depend on
-the number of threads, so the limit is far above them."""
+The limit is far below the error of the elements. Rounding errors reach 1e-8 on very thin triangles. They depend on the
+number of threads, so the limit is far above them."""
 LARGEST_MOVE = 0.1  # Largest displacement for linear statics, divided by the longest side of the box.
 AT_ONE_VERTEX = 0.95  # Largest accepted fraction of the reactions at one vertex.
 FEW_VERTICES = 3  # Recommended number of vertices of a loaded support.

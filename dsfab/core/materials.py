@@ -2,8 +2,8 @@
 
 The design strength is the characteristic strength divided by the partial factor of the material. For timber it is also
 multiplied by k_mod = 0.8 (medium load duration, indoors or under a roof). dsfab compares the design strength with the
-von Mises stress of an isotropic sheet. For timber, plywood, GFRP and concrete this is only a first estimate, because
-their strength depends on the direction or the sign of the stress."""
+von Mises stress of an isotropic sheet. For timber, plywood, GFRP and concrete this is only a first estimate. Their
+strength depends on the direction or the sign of the stress."""
 
 from dataclasses import dataclass
 from typing import NamedTuple

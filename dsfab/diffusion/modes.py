@@ -111,9 +111,8 @@ def diffusion_modes(
     """Return the k smallest modes of L x = lambda M x that are not constant (paper, section 3.4); M: Voronoi mass.
 
     The method is shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. Modes are scaled as on a surface of area 4 pi, so
-    that
-    a frequency gives equally many stripes at any size. Signs, and bases of repeated eigenvalues, do not depend on the
-    solver (`_canonical`).
+    that a frequency gives equally many stripes at any size. Signs, and bases of repeated eigenvalues, do not depend on
+    the solver (`_canonical`).
 
     axes     : (3, 3) rows, for signs and bases; default: the axes of the surface alone (`reference_axes`).
     symmetry : if set, only modes with equal values at all images count.
@@ -205,10 +204,9 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
     """Return the same eigenspaces in a basis that does not depend on the solver.
-    Reference fields decide: x, y, z along the axes, then their products. In the space of a repeated eigenvalue, they
-    are
-    projected and orthonormalised, one after the other. The sign of a mode is that of its third moment if that is clear.
-    Otherwise the reference fields decide the sign."""
+    Reference fields decide: x, y, z along the axes, then their products. They are projected on the space of a repeated
+    eigenvalue, and orthonormalised. The sign of a mode is that of its third moment if this is clear. Otherwise the
+    reference fields decide the sign."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0

@@ -168,8 +168,8 @@ def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
 
 def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
     """Return the largest distance of points (p, 3) from the surface, and a matrix (p, n) of interpolation there.
-    The matrix interpolates at the nearest points of the surface. Barycentric weights below 1e-3 become 0, because
-    files round coordinates."""
+    The matrix interpolates at the nearest points of the surface. Barycentric weights below 1e-3 become 0, because files
+    round coordinates."""
     squared, face, nearest_points = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     weight = np.clip(weights_at(nearest_points, surface.V, corner), 0, 1)
@@ -288,7 +288,8 @@ class _QuickCheck:
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """Of the forces of each load case: resultant (N), moments (3, 3) about the centroid (N m), sum of sizes (N)."""
+        """Resultant (N), moments (3, 3) about the centroid (N m), and sum of sizes (N) of the forces of each load
+        case."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]

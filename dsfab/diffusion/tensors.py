@@ -20,9 +20,8 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
     bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa.
 
-    The result changes its sign with the stress. Reversed normals change its sign only if the middle surface is
-    unstressed.
-    Faces without bending keep their membrane stress exactly."""
+    The result changes its sign with the stress. Faces without bending keep their membrane stress exactly.
+    Reversed normals change the sign of the result only if the middle surface has no stress."""
     t = tangents(surface)
     flat, bent = (np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True) for sigma in (membrane, bending))
     square = _deviator(flat) ** 2 + _deviator(bent) ** 2 / 3

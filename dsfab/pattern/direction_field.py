@@ -226,10 +226,9 @@ def cross_field(
     turn     : rotation from the stress, radians, counter-clockwise as seen from the tip of the normal.
     guidance : guides, which are not rotated.
 
-    The field is z^2 in each frame. Here z is the direction as a complex number, and z^2 is the same for both signs of
-    z.
-    The field minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2. Here e is the first principal direction, and c its
-    confidence; see also `Guidance`. Raises PatternError if the stress is zero."""
+    Let z be the direction as a complex number in a frame. The field is z^2, because it is the same for z and -z.
+    It minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2. Here e is the first principal direction, and c its confidence;
+    see also `Guidance`. Raises PatternError if the stress is zero."""
     surface = frames.surface
     share = (surface.areas * directions.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
     e = directions.direction[:, 0]

@@ -25,7 +25,7 @@ NEAR = 0.3
 """Largest move of an outline onto a vertex, as a fraction of a mesh edge; it is also at most `EVEN`.
 An outline beside a vertex would make very thin triangles."""
 ASIDE = 0.1
-"""Largest distance of an outline from the middle of an edge that is divided at the outline, as a fraction of the edge.
+"""An edge is divided at an outline within this distance of its middle, as a fraction of the edge.
 A vertex at the middle would lie too close to the outline."""
 
 
@@ -154,8 +154,7 @@ class RegionBand:
     def layer(self, field: Floats | DividedField) -> Layer:
         """Return the layer of the band; field : minus the distance (n,) from the outline, metres.
         The layer has the level 0 and two fields. Material is where the first field, `inside`, is above the level, and
-        the
-        second field, distance - width, is below it."""
+        the second field, distance - width, is below it."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -233,8 +232,7 @@ def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.in
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
     """Return a mask (n,) of marked vertices in patches, which have marked faces. Other vertices form points and curves.
-    A face with three boundary vertices is not marked, nor is an inner edge with two, because they depend on the mesh.
-    """
+    A face with three boundary vertices is not marked, nor is an inner edge with two. Both depend on the mesh."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))

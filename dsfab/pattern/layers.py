@@ -122,8 +122,7 @@ def stripe_layers(
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
     """Return the common factor on graded widths at which families keep the mean duty of their thresholds.
     Duty is the fraction of material. Bounds in metres apply afterwards. Raises PatternError if too little of the
-    surface
-    is stressed."""
+    surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
     def duty(factor: float) -> float:

@@ -62,17 +62,18 @@ class Flow:
     ) -> Floats:
         """Return phases (n,) at the vertices, in periods, -1/2 to 1/2. The sign of a phase is that of g at its vertex.
 
-        The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2
-        over edges of weight w. If g is reversed along an edge, psi_i is conjugated. The first minimum is for all psi
-        with a common norm. Then steps of diffusion and normalisation alternate, so that all psi have size 1 [Merriman,
-        Bence, Osher 1992; for phases Viertel, Osting 2019].
+        The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
+        edges of weight w. If g is reversed along an edge, psi_i is conjugated. First the numbers psi have a common
+        norm. Then
+        steps of diffusion and normalisation give each number the size 1 [Merriman, Bence, Osher 1992; for phases
+        Viertel,
+        Osting 2019].
 
         start : (n,) start of the iteration. Without locked vertices, a line passes through its peak.
         lock  : (n,) vertices on the centre line of a stripe.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; default 0.
         free  : True to begin without locked vertices, because their phases may not fit together.
-        rounds : number of steps of diffusion and normalisation. Pairs of dislocations meet and vanish in these steps.
-        """
+        rounds : number of steps of diffusion and normalisation."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2

@@ -23,9 +23,8 @@ MOST_HALVINGS = 3
 
 def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     """Return u (n,), the logarithm of the relative density of stripes with gradients along g (n, 3). Its median is 0.
-    On each face, u satisfies p . grad u = curl g / |mean g|, with equal signs of g at the corners. Here p = n x g is
-    the
-    direction of the stripe.    confidence : (m,) weight of this equation, 0 to 1."""
+    On each face, u satisfies p . grad u = curl g / |mean g|, with equal signs of g at the corners.
+    Here p = n x g is the direction of the stripe.    confidence : (m,) weight of this equation, 0 to 1."""
     surface = frames.surface
     grad = hat_gradients(surface)
     corners = g[surface.F]

@@ -59,8 +59,7 @@ class Images:
         """Return the projection onto symmetric phases; their gradient at V (n, 3) is `density` (n,) x g (n, 3).
 
         If g is reversed at an image, the phase is conjugated. The phases of the vertices around an image grow on the
-        way to
-        the image, because a plain mean has large errors."""
+        way to the image, because a plain mean has large errors."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g

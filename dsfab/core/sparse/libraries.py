@@ -218,9 +218,9 @@ def has_pyamg() -> bool:
 class Multigrid:
     """Solver for the stiffness of thin sheets with up to three unknowns per point; a call with b returns K^-1 b.
 
-    The method is smoothed aggregation [Vanek, Mandel and Brezina 1996]. It uses blocks of three unknowns per point,
-    the rigid motions, strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. With other choices,
-    the iteration diverges on some irregular sheets. So each solve checks the true residual.
+    The method is smoothed aggregation [Vanek, Mandel and Brezina 1996]. It uses blocks of three unknowns per point, the
+    rigid motions, strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. With other choices, the
+    iteration diverges on some irregular sheets. So each solve checks the true residual.
 
     rigid : (N, 6) rigid motions in the unknowns of K. K times these motions is nearly zero away from supports.
 

@@ -43,10 +43,9 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
              must come before any `CornerField`.
     levels : ascending values for each field. Strip j of a field has j levels below it, and odd strips are material.
              Two equal levels (see `LEVEL_GAP`) are left out. With values (n, 2), material has |z - level| < d.
-    snap   : 0 to 0.4, a fraction of the largest range of values on the edges at a vertex. A value within
-             this distance of a level moves onto it. This avoids very thin triangles, and moves a line by at most this
-             fraction of an edge. Use 0 for exact areas: then only values within `SNAP_FLOOR` and at corners of cells
-             without area move.
+    snap   : 0 to 0.4, a fraction of the largest range of values on the edges at a vertex. A value within this distance
+             of a level moves onto it. This avoids very thin triangles, and moves a line by at most this fraction of an
+             edge. Use 0 for exact areas. Values within `SNAP_FLOOR`, and at cells without area, always move.
 
     A cell is material if any field makes it material. Later fields do not cut the material of earlier fields.
     A face wholly on a level is void. The cells are in the order of their parent faces. The first n vertices are the
@@ -211,8 +210,8 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
     """Return the distinct levels of field k.
 
-    Equal levels of a field (n,) leave one level if their number is odd, and none if it is even. Equal levels of a
-    field (n, 2) leave one level."""
+    Equal levels of a field (n,) leave one level if their number is odd, and none if it is even. Equal levels of a field
+    (n, 2) leave one level."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")

@@ -107,8 +107,7 @@ class PolygonMesh:
         """Slots (p,), (p,), (p,) of the inner edges.
 
         The first two arrays are the slots of the edge in its first and in its second polygon. The first slot's side
-        begins
-        at a vertex. The third array is the second polygon's slot at this vertex."""
+        begins at a vertex. The third array is the second polygon's slot at this vertex."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)

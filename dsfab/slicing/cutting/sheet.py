@@ -216,7 +216,7 @@ class Sheet:
         """Return a mask (n', ...) of the vertices that lie on or between marked vertices (n, ...) of the uncut surface.
 
         edges : (e, ...) marked edges of the uncut surface; default: the edges that the marks span (`spanned_edges`).
-        A vertex inside a face counts if all three edges of the face are marked and at least one is an inner edge."""
+        A vertex inside a face counts if all three edges of the face are marked. At least one must be an inner edge."""
         result: Bools = np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
         table = surface.edges
         edges = spanned_edges(surface.F, table, marks) if edges is None else edges
@@ -322,8 +322,9 @@ class SmoothSurface:
     surface : the flat faces.
     bulge   : (e, 3) vector from the middle of each edge to its curve, metres; 0 for flat faces and creases.
 
-    The curve of an edge a-b is cubic, and perpendicular to the normals n_a and n_b at its ends. So
-    bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8 [Vlachos, Peters, Boyd and Mitchell 2001]."""
+    The curve of an edge a-b is cubic, and perpendicular to the normals n_a and n_b at its ends:
+
+        bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8 [Vlachos, Peters, Boyd and Mitchell 2001]"""
 
     surface: Surface
     bulge: Floats
@@ -366,7 +367,7 @@ def _corner_normals(surface: Surface) -> Floats:
     first_face = np.zeros(surface.n, dtype=np.int64)
     first_face[corner[::-1]] = face[::-1]
     face_normals = surface.normals[face]
-    # turn all normals at a vertex to the side of its first face, because a sheet may be one-sided
+    # turn normals to the side of the vertex's first face: a sheet may be one-sided
     side = np.where((face_normals * surface.normals[first_face[corner]]).sum(axis=1) < 0, -1.0, 1.0)
     weighted = face_normals * (side * surface.areas[face])[:, None]
     mean = np.stack([np.bincount(corner, weighted[:, k], surface.n) for k in range(3)], axis=1)

@@ -43,8 +43,7 @@ def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator
     """Yield corners (p,) where rolling discs of `radius` metres stop in openings, and arcs (p,) at these corners.
 
     The function yields twice: arcs at the vertices nearest to the discs, then arcs at the farthest vertices. On a
-    curved
-    surface, an arc may fit at one of these vertices only.
+    curved surface, an arc may fit at one of these vertices only.
     taken : stretches of walls; their corners are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
@@ -145,8 +144,7 @@ class Fillets:
     pair : (p, 2) number of an arc, and a void cell partly beyond its chords that is connected to the corner.
 
     An arc fills the region beyond a chord and between both rays. A ray leads from the arc's centre through an end of
-    the
-    arc. Only arcs with other void beyond their chords need rays."""
+    the arc. Only arcs with other void beyond their chords need rays."""
 
     wall: Ints
     circle: Floats
@@ -221,7 +219,9 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return arcs at corners, as chords in space, and a mask of arcs that touch no other wall and no surface edge."""
+    """Return arcs at corners, as chords in space, and a mask of free arcs.
+
+    A free arc touches no other wall and no edge of the surface."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -360,8 +360,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons by the chords of arcs; return the mesh, the old polygon of each polygon, and a mask of polygons to
-    fill.
+    """Cut polygons by the chords of arcs; return the mesh, each polygon's old polygon, and a mask of polygons to fill.
 
     arc : (c,) arc of each polygon, or -1.    corner : (k,) vertex that each arc rounds.    size : of the surface."""
     arc = np.where(mesh.void, arc, -1)

@@ -7,7 +7,7 @@ closed      close marked openings       filled    fill small openings and crumbs
 loose_ends  cut stripes back            merged    fill slits, also after fairing
 stubs       remove stripes to a node    bridged   bridge necks
 bars        straighten bent bars        spikes    cut off teeth
-                                        rounded   round corners; bridge and widen what becomes too narrow
+                                        rounded   round corners; then bridge and widen narrow places
                                         widths    keep minimum widths of openings and members
                                         improved  flip and collapse edges"""
 
@@ -124,8 +124,9 @@ class FinishingOptions(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FinishedSheet:
-    """All cells after some passes.
+    """A sheet after some passes of finishing.
 
+    cells     : all cells, material and void.
     counts    : number of details that each pass changed, by the name of the pass.
     radii     : (k,) radii of the round corners, metres.
     unwidened : the cells before the pass for minimum widths, if it ran.

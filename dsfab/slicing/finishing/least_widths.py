@@ -189,7 +189,7 @@ def _way_around(walls: Walls, wall: Ints) -> Floats:
 
 MOST_ROUNDS = 40  # Maximum number of rounds; a round adds only strips that do not touch.
 TURNS = 6  # Maximum number of times that openings are bridged and members widened.
-SNAP = 0.05  # Vertices this near to a strip's side move onto it; in half widths of the strip.
+SNAP = 0.05  # Largest snap onto a strip's side, in half widths of the strip.
 
 
 class LeastWidths(NamedTuple):

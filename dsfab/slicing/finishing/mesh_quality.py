@@ -355,8 +355,8 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     """Flip and collapse edges to increase the smallest angle of a sheet's material.
 
     sheet     : all cells cut from the surface `uncut`, material and void.
-    tolerance : largest move of the edges of stripes, of families and of the surface, metres. With 0 the material
-                covers the same points as before.
+    tolerance : largest move of the edges of stripes, of families and of the surface, metres. With 0 the material covers
+                the same points as before.
 
     Cells stay in their uncut faces, and vertices stay in place or disappear. So interpolated fields stay exact. The
     surface keeps its topology."""

@@ -62,12 +62,9 @@ class Openings:
         """(o,) width of each opening divided by the width of the narrower member beside it: the median along its walls.
 
         Only walls with an opposite wall count. If they are under 5 % of the walls, as in a triangle, the width is the
-        side
-        of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of both ratios. The width
-        is at
-        least 2 area / perimeter. The ratio is infinite without members, and for openings at the edge of the surface
-        with
-        few opposite walls."""
+        side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of both ratios. The
+        width is at least 2 area / perimeter. The ratio is infinite without members, and for openings at the edge of the
+        surface with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)
@@ -94,8 +91,7 @@ class Openings:
         """(o,) mask of slits in places where members are denser than usual.
 
         The limit on `narrowness` falls with the median of `narrowness`, see `CROWDING`. Otherwise all openings of a
-        dense
-        pattern would become material."""
+        dense pattern would become material."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
@@ -201,8 +197,7 @@ def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
     """Make every crumb material: an opening far smaller than most openings; return also their number.
 
     Only enclosed openings count. Their size is 4 area / perimeter. An opening 2.5 times as wide as the members beside
-    it
-    stays, because it would become a plate. Of nearly equal openings, all or none become material."""
+    it stays, because it would become a plate. Of nearly equal openings, all or none become material."""
     openings = openings_of(cells)
     if openings is None or np.isfinite(diameters := openings.hydraulic_diameters).sum() < SEVERAL:
         return cells, 0

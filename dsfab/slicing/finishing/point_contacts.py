@@ -24,7 +24,7 @@ CORNER_ROUNDS = 2  # Maximum number of rounds with corner cuts. They make no new
 
 
 class PinchResult(NamedTuple):
-    """All cells of a sheet without pinches; number of discs and corner cuts, 0 for an unchanged sheet."""
+    """A sheet without pinches, and the number of discs and corner cuts; 0 for an unchanged sheet."""
 
     sheet: Sheet
     pinches: int

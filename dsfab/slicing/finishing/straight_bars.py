@@ -137,8 +137,8 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
 
 ASKEW = 0.25  # Bars stay if their `deviation` from a straight bar is smaller.
 UNEVEN = 0.12  # Bent bars stay if their `deviation` from an evenly bent bar is smaller.
-FAR = 1.5  # Bars stay if their `deviation` is larger, for example at a third member.
-SNAP = 0.02  # Vertices this near to a bar's side move onto it; in widths of the bar.
+FAR = 1.5  # Bars stay if their `deviation` is larger.
+SNAP = 0.02  # Largest snap onto a bar's side, in widths of the bar.
 LARGER = 2.5  # The area of a bar may change by less than this factor.
 
 

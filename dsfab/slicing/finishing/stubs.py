@@ -1,7 +1,7 @@
 """Remove stubs: the ends of stripes between their last crossings and a node.
 
-Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). Their stubs form a bar
-with a lump at the node:
+Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). Their stubs form a bar with
+a lump at the node:
 
     ---+--+--+---           ---+--+--+---
        |  |  |                 |     |              o : the node.    + : the last crossings of its stubs.

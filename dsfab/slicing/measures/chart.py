@@ -302,7 +302,7 @@ def _barycentric(z: Floats, slot: Ints) -> Floats:
 
 
 def _nodes(chart: StripeChart, pieces: _Pieces, coordinates: Floats) -> tuple[Ints, Bools]:
-    """Return the nodes (s, 2) at the ends of each piece, and a mask (j,) of nodes on the boundary of the surface.
+    """Return the nodes (s, 2) at the ends of each piece, and a mask (j,) of nodes on the surface's boundary.
 
     Nodes at vertices have the lowest numbers. The nodes on edges follow, edge by edge."""
     table, F = chart.table, chart.surface.F

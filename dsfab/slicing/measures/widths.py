@@ -42,8 +42,7 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Trace lines (k,) to the boundary, from `place` (k,) metres along half-edges (k,), perpendicular to the
-    half-edges.
+    """Trace lines (k,) to the boundary, perpendicular to half-edges (k,), from `place` (k,) metres along them.
 
     reach : metres; a longer line may stay without an end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
@@ -315,8 +314,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
     tips  : True to measure gaps in tips, too.
 
     Widths and gaps are lengths of the lines in `crossings`. They are exact between straight walls. If walls bend by an
-    angle a from edge to edge, the error is up to 1 - cos a. Walls at more than 20 degrees form a corner without a
-    width.
+    angle a from edge to edge, the error is up to 1 - cos a. Walls at over 20 degrees form a corner without width.
     Pieces and openings without such lines have the size 4 area / perimeter."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
