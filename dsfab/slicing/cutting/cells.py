@@ -172,7 +172,7 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    r"""Return triangles of polygons (g, size) with the best possible worst shape, and each triangle's row of `polygons`.
+    r"""Return triangles of polygons (g, size) with the best worst shape, and each triangle's row of `polygons`.
 
       k      rating[i, j] is the worst shape in the best triangulation of the corners i, ..., j:
      / \     the maximum over k of min(rating[i, k], rating[k, j], quality(i, k, j)).
