@@ -65,7 +65,7 @@ class Symmetry:
         return np.asarray(np.max([x, *(T @ x for T in self.maps[1:])], axis=0))
 
     def mean_stress(self, sigma: Floats) -> Floats:
-        """Return the mean of tensors (m, 3, 3) at all images of each face, each rotated back: R^T sigma(R x) R."""
+        """Return the mean of tensors (m, 3, 3) at all images of each face, rotated back: R^T sigma(R x) R."""
         total = sum(R.T @ sigma[face] @ R for R, face in zip(self.R, self.faces, strict=True))
         return np.asarray(total / self.order)
 
@@ -282,13 +282,13 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """Supported points of each load case, relative to the centroid: a sample, and a k-d tree of all of them."""
+        """A sample and a k-d tree of the supported points of each load case, relative to the centroid."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """Resultant (N), moments (3, 3) about the centroid (N m), and sum of sizes (N) of the forces of each load
+        """Resultant (N), moments (3, 3) about the centroid (N m) and sum of sizes (N), for the forces of each load
         case."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]

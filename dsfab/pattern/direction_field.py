@@ -16,7 +16,7 @@ from dsfab.surface import link_components
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
-"""Stripes follow the boundary where the cosine of their gradient with the boundary is smaller (17 degrees)."""
+"""Largest cosine between the gradient of stripes and a boundary that these stripes follow (17 degrees)."""
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:

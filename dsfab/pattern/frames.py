@@ -121,7 +121,7 @@ class Frames:
 
     @classmethod
     def for_surface(cls, surface: Surface) -> Self:
-        """Return frames; t1 is the projected x axis, or y where the normal is near x. This choice changes no result."""
+        """Return frames; t1 is the projected x axis, or y if the normal is nearly x. This choice changes no result."""
         normal = surface.vertex_normals.copy()
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
         axis = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])

@@ -210,7 +210,7 @@ def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density:
 
 
 def _points_on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
-    step = surface.mean_edge / 8  # so the curve skips few faces, near their corners
+    step = surface.mean_edge / 8  # so small that the curve skips few faces
     points = [curve[:1]]
     for begin, end in pairwise(curve):
         count = max(int(np.ceil(np.linalg.norm(end - begin) / step)), 1)

@@ -91,7 +91,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,); those near the reach (see `NEAR`) become the reach, unless a whole face is near."""
+    """Return distances (n,). Distances near the reach (see `NEAR`) become the reach, unless a whole face is near."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -205,7 +205,7 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
 
 
 def region_sides(surface: Surface, faces: Bools) -> Floats:
-    """Return 1 (n,) at vertices of marked faces (m,) only, -1 at vertices of other faces only, 0 where both meet."""
+    """Return 1 (n,) at vertices of marked faces (m,) only, -1 at vertices of other faces only, else 0."""
     is_side = np.zeros((2, surface.n), dtype=bool)
     is_side[0, surface.F[faces]] = is_side[1, surface.F[~faces]] = True
     return np.asarray(is_side[0].astype(np.float64) - is_side[1])

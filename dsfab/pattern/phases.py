@@ -16,7 +16,7 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration, times the squared spacing: it makes the matrix definite, with equal eigenvectors."""
+"""Shift of the inverse iteration, times the squared spacing. It makes the matrix definite, with equal eigenvectors."""
 FLOW = 0.25  # Inverse duration of a step of diffusion, divided by (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
 """A locked phase this near to its target, in periods, becomes the target, so that edges get straight members."""
@@ -40,7 +40,7 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase along each edge, from its first end and with the sign of g there, periods."""
+        """(e,) growth of the phase along each edge, periods, with the sign of g at the edge's first end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]

@@ -183,7 +183,7 @@ def solved_factor(
 def _secant_interval(
     evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
 ) -> tuple[_End, _End] | None:
-    """Search with secants from 1; return an interval around the solution, the solution as both its ends, or None."""
+    """Search with secants from 1. Return an interval around the solution, the solution as both its ends, or None."""
     end = evaluate(1.0)
     for _ in range(5 if near_one else 1):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
@@ -196,7 +196,7 @@ def _secant_interval(
 
 
 def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
-    """Return an interval around the solution, or the solution as both its ends; the factors are 0, 1, 4, 16 ..."""
+    """Return an interval around the solution, or the solution as both its ends. The factors are 0, 1, 4, 16 ..."""
     start = evaluate(1.0)
     if _miss(start) <= tolerance:
         return start, start

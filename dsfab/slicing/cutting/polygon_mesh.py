@@ -116,7 +116,7 @@ class PolygonMesh:
 
     @cached_property
     def polygon_across(self) -> Ints:
-        """(h,) the polygon on the other side of each side, or -1."""
+        """(h,) the neighbouring polygon at each side, or -1."""
         slot_a, slot_b, _ = self.neighbours
         owner, polygon = self.cells.owner, np.full(len(self.cells.corner), -1)
         polygon[slot_a], polygon[slot_b] = owner[slot_b], owner[slot_a]

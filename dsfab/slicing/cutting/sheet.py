@@ -199,8 +199,7 @@ class Sheet:
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
         """Interpolate values x (m, 3, k) at the corners of uncut faces F (m, 3); return (n', k) at the vertices.
 
-        Each vertex takes the values of one face, the parent of its first cell. Faces may disagree, as on a Moebius
-        strip."""
+        Each vertex takes the values of one face, the parent of its first cell. Faces may disagree (Moebius strip)."""
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
         parent = self.parent[corner // 3]
@@ -362,7 +361,7 @@ def _normal_component(chord: Floats, normal: Floats) -> Floats:
 
 
 def _corner_normals(surface: Surface) -> Floats:
-    """Return unit normals (m, 3, 3) at the corners of faces: the vertex's mean, but the face's own at a crease."""
+    """Return unit normals (m, 3, 3) at the corners of faces: the vertex's mean normal, or the face's at a crease."""
     corner, face = surface.F.ravel(), np.repeat(np.arange(surface.m), 3)
     first_face = np.zeros(surface.n, dtype=np.int64)
     first_face[corner[::-1]] = face[::-1]

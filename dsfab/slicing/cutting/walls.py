@@ -66,7 +66,7 @@ class Walls:
 
     @cached_property
     def void_neighbours(self) -> Ints:
-        """(m', 3) void cell on the other side of each side of a void cell, else -1."""
+        """(m', 3) the neighbouring void cell at each side of a void cell, else -1."""
         side_a, side_b = self.surface.edges.pairs.T
         inner = self.void[side_a // 3] & self.void[side_b // 3]
         cell = np.full(3 * self.surface.m, -1)

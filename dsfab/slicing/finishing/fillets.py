@@ -139,12 +139,12 @@ class Fillets:
     """Chords of the arcs at corners (k,), and rays beside some arcs, as planes in space.
 
     normal, distance : (k, c, 3), (k, c) outward normals of the chords' planes, and metres from the origin.
-    ray, ray_distance : (k, 2, 3), (k, 2) the same for the rays. An unused plane has a normal of 0.
+    ray, ray_distance : (k, 2, 3), (k, 2) normals of the rays' planes, and metres from the origin.
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
     pair : (p, 2) number of an arc, and a void cell partly beyond its chords that is connected to the corner.
 
     An arc fills the region beyond a chord and between both rays. A ray leads from the arc's centre through an end of
-    the arc. Only arcs with other void beyond their chords need rays."""
+    the arc. Only arcs with other void beyond their chords need rays. Unused planes have a normal of 0."""
 
     wall: Ints
     circle: Floats

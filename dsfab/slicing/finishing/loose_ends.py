@@ -122,9 +122,9 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
     """Return two masks (c,) of polygons to remove: of parts in `gone` (p,) and their dead ends, and of islands.
 
-    Islands are pieces that this removal cuts off from supports and from the edges of the surface.
-    stays : (p,) parts that always stay.
-    When no dead ends remain, a part with a single neighbour joins this neighbour, and the search repeats."""
+    Islands are pieces that this removal cuts off from supports and from the edges of the surface. When no dead ends
+    remain, a part with a single neighbour joins this neighbour, and the search repeats.
+    stays : (p,) parts that always stay."""
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)
@@ -236,7 +236,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Divide a convex polygon X (s, 3): the first part spans the sides with neighbours, the others are free corners."""
+    """Divide a convex polygon X (s, 3): the first part spans sides with neighbours, other parts are free corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)

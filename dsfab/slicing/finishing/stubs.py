@@ -51,7 +51,7 @@ def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
 
 
 def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
-    """Return a mask (c,) of `nodes` (c,), and of crossings that touch nodes: stubs may overlap before they end."""
+    """Return a mask (c,) of `nodes` (c,), and of crossings that touch nodes. Stubs may overlap before they end."""
     crossing = mesh.part_labels(~mesh.void & ((mesh.also != VOID) | nodes))
     return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
@@ -134,7 +134,7 @@ class _Bars:
 
     @cached_property
     def extremes(self) -> tuple[Floats, Floats]:
-        """Sizes of the smallest (b,) and of the largest (b,) opening beside each bar; inf and 0 if there is none."""
+        """Sizes (b,), (b,) of the smallest and of the largest opening beside each bar; inf and 0 without openings."""
         smallest, largest = np.full(len(self.area), np.inf), np.zeros(len(self.area))
         bar, opening = self.pair.T
         np.minimum.at(smallest, bar, self.sizes[opening])
@@ -170,7 +170,7 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Return groups (b,) of the chosen bars, -1 for others, and their number; bars at one opening are a group."""
+        """Return groups (b,) of the chosen bars, -1 for others, and their number. Bars at one opening are a group."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]

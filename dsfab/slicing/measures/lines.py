@@ -101,7 +101,8 @@ def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) 
 
 
 def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """Return start and end (q,) of each segment's part (q, 2, 2) in its triangle (q, 3, 2); end < start if outside."""
+    """Return start and end (q,) of each segment's part (q, 2, 2) in its triangle (q, 3, 2). Parts outside have end
+    < start."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]

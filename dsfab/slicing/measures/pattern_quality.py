@@ -69,7 +69,7 @@ class Bays:
 
 
 def bays(middles: StripeMiddles) -> Bays:
-    """Divide the middle lines of a family where the phase of the other family is a whole number: at crossings."""
+    """Divide the middle lines of a family at crossings: the phase of the other family is a whole number there."""
     chart, face = middles.drawn, middles.face
     other_family = 1 - middles.k
     corner = chart.surface.F[face]
@@ -103,7 +103,7 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Return the number of bays, and the bay of each part. Bays end at nodes in `barrier` (j,), not at others."""
+    """Return the number of bays, and the bay of each part. Bays end only at nodes in `barrier` (j,)."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]

@@ -97,7 +97,7 @@ def _frames(surface: Surface) -> Floats:
 
 MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
-"""Starts of lines on a wall: its middle, and near both ends, where the shortest lines between polylines start."""
+"""Starts of lines on a wall: its middle, and near its ends. The shortest lines between polylines start near an end."""
 OPPOSED = float(np.sin(np.radians(20)))
 """Walls at over 20 degrees are not opposite: they meet at a corner, so their distance is not a width."""
 TAPER = float(np.radians(1.5))  # Smallest angle between the walls of a tip, radians.
@@ -247,7 +247,7 @@ ROUNDING = 1e-6  # Widths may be below a limit by this fraction of it.
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest member, gap or edge: size in metres, place (3,), name in words, and the mesh's width there."""
+    """The smallest member, gap or edge: size in metres, place (3,), name in words, and local width of the mesh."""
 
     size: float
     place: Floats
@@ -334,7 +334,8 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """Return a mask (m',) of the material cells that are also in `sheet`, which has some connected pieces of them."""
+    """Return a mask (m',) of the material cells that are also in `sheet`, which has connected pieces of the
+    material."""
     material = cells.material
     if material.sum() == sheet.surface.m:
         return np.asarray(material)
