@@ -5,8 +5,8 @@ from collections.abc import Iterable
 
 
 class DsfabError(Exception):
-    """Unusable input, explained in one sentence: the fault, its place, and the remedy.
-    ``dsfab.app.cli`` alone turns this error into a line and exit code 1. Any other exception is a bug of dsfab."""
+    """Unusable input. The message has one sentence: the fault, its place, and the remedy.
+    `dsfab.app.cli` alone turns this error into a line and exit code 1. Any other exception is a bug of dsfab."""
 
 
 class SurfaceError(DsfabError):

@@ -11,41 +11,37 @@ SEVERITY: tuple[Status, ...] = ("pass", "unknown", "fail")
 MARKS: tuple[Mark, ...] = (*SEVERITY, "note")
 BALANCE = 1e-4
 """Largest accepted sum of loads and reactions, divided by the sum of the loads' magnitudes.
-The limit is far below the error of the elements. Rounding alone gives 1e-6 on a thin beam of 30 widths with 8 `hhj`
-cells across. It gives 1.3e-5 where needle-shaped faces of 9 micrometres bend at a thickness of 20 mm, because the
-entries of their stiffness are rounded."""
-REPORTED_RESIDUAL = 1e-8  # dsfab reports a relative residual of the linear system, in energy, above this value.
+The limit is far below the error of the elements. It is above rounding errors on very thin triangles, up to 1.3e-5."""
+REPORTED_RESIDUAL = 1e-8  # Largest relative residual, in energy, that dsfab does not report.
 RESIDUAL = 1e-6
 """Largest accepted relative residual, and largest relative error of a compliance that the residual may cause.
-The limit is far below the error of the elements. The beam under `BALANCE` has 1e-6 in double precision. Longer numbers
-give 1e-10 by refinement (`dsfab.statics.factorisation.refined_solution`), if the machine supports these. On a sheet
-with needle-shaped faces of 7 micrometres, the residual cannot fall below 1e-8. Such rounding depends on the number of
-threads, so it must not decide whether dsfab accepts a result."""
-LARGEST_MOVE = 0.1  # Largest displacement for linear statics, divided by the longest side of the bounding box.
+The limit is far below the error of the elements. Rounding errors reach 1e-8 on very thin triangles. They depend on the
+number of threads, so the limit is far above them."""
+LARGEST_MOVE = 0.1  # Largest displacement for linear statics, divided by the longest side of the box.
 AT_ONE_VERTEX = 0.95  # Largest accepted fraction of the reactions at one vertex.
-FEW_VERTICES = 3  # A support that carries more than `SOME_REACTION` should have at least this number of vertices.
-SOME_REACTION = 0.05  # A support with a smaller fraction of the reactions counts as unloaded: it only prevents drift.
-FAR_FROM_SURFACE = 0.25  # Largest distance of a point support or load from its vertex, divided by the surface's size.
-LEAST_LOAD_SHARE = 1e-3  # Snow or wind counts as a load if its force exceeds this fraction of pressure times area.
-MOST_FACES = 4_000_000  # Largest number of triangles of a mesh: twice the largest mesh tried with all stages.
-SAME_PHASE = 2.0**-30  # Phases, and offsets from middle lines, are equal if they differ by fewer periods than this.
+FEW_VERTICES = 3  # Recommended number of vertices of a loaded support.
+SOME_REACTION = 0.05  # Smallest fraction of the reactions on a loaded support.
+FAR_FROM_SURFACE = 0.25  # Largest distance of a point support or load from its vertex, in surface sizes.
+LEAST_LOAD_SHARE = 1e-3  # Smallest force of snow or wind that counts, divided by pressure times area.
+MOST_FACES = 4_000_000  # Largest number of triangles of a mesh.
+SAME_PHASE = 2.0**-30  # Largest difference of equal phases or equal offsets, periods.
 POSSIBLE_SIZE = (1e-9, 1e9)  # Allowed sizes of a surface, metres; products of other numbers overflow.
-USUAL_SIZE = (0.01, 1e3)  # Usual sizes of a surface, metres; for other sizes dsfab asks to check the unit.
-CONVERGED = 0.02  # A compliance counts as computed if its relative error bound is below this value.
+USUAL_SIZE = (0.01, 1e3)  # Usual sizes of a surface, metres. For others dsfab asks about the unit.
+CONVERGED = 0.02  # Largest relative error bound of a computed compliance.
 FACETS = 0.2
-"""dsfab warns if L^2 / (R h) of a mesh is larger: edge length L, radius of curvature R, thickness h. At 0.2, flat
-facets change the compliance of a curved sheet by 1 %, and its largest stress under pressure or weight by up to 20 %."""
-SLIT = 0.25  # Half width, in periods, at which members are as wide as openings; narrower openings are slits.
+"""Largest L^2 / (R h) of a mesh without a warning: edge length L, radius of curvature R, thickness h.
+At 0.2, flat facets change the compliance of a curved sheet by 1 %, and its largest stress by up to 20 %."""
+SLIT = 0.25  # Largest half width, in periods, of members without slits between them.
 CROWDING = 1.25  # Largest width of crowded members, divided by the median width; both in periods.
-FILM = 0.05  # A part of the sheet counts as a film if it is thinner than this fraction of the thickness.
+FILM = 0.05  # Largest thickness of a film, as a fraction of the sheet's thickness.
 OUTLINE = 1 / 40  # Default tolerance of lines and planar outlines, divided by the thickness.
 OFF_SURFACE = 1 / 20
 """Default limit for the distance between the solid in a file and the solid of the design, divided by the thickness.
-Smoothed and simplified solids keep this limit, and the check of a file with curves applies it."""
-SIMPLIFIED_OFF_SURFACE = 2  # Factor on `OFF_SURFACE` for planar solids that would have too many faces for a file.
-DEFLECTION = 1 / 4  # Largest distance of a file's curved faces from the triangles of its check, in `OFF_SURFACE`.
-CHANGED_VOLUME = 5e-3  # Largest relative change of a volume when curves or fewer triangles replace its triangles.
-READ_BACK = 1e-3  # Largest relative change of volume, area, lengths and box of a file that is written and read again.
+The limit applies to smoothed solids, to simplified solids, and to files with curves."""
+SIMPLIFIED_OFF_SURFACE = 2  # Factor on `OFF_SURFACE` for planar solids with too many faces for a file.
+DEFLECTION = 1 / 4  # Largest distance between curved faces and the triangles that check them, in `OFF_SURFACE`.
+CHANGED_VOLUME = 5e-3  # Largest relative change of a volume by curves or by fewer triangles.
+READ_BACK = 1e-3  # Largest relative error of volume, area, lengths and box in a file.
 
 
 def worst_status(statuses: Iterable[Status]) -> Status:

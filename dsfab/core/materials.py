@@ -1,10 +1,9 @@
 """Materials by name: stiffness, density, design strength and thermal expansion, each with its source.
 
-The design strength is the stress that a standard allows: the characteristic strength divided by the partial factor of
-the material. For timber it is also multiplied by k_mod = 0.8 (medium load duration, indoors or under a roof). dsfab
-compares it with the von Mises stress of an isotropic sheet. This is right for metals. Timber, plywood and GFRP are
-strong along their fibres only, and concrete in compression only. For these the comparison is a first estimate, and
-`says` names the strength. `STOCK` has the thicknesses in which a material is sold or made."""
+The design strength is the characteristic strength divided by the partial factor of the material. For timber it is also
+multiplied by k_mod = 0.8 (medium load duration, indoors or under a roof). dsfab compares the design strength with the
+von Mises stress of an isotropic sheet. For timber, plywood, GFRP and concrete this is only a first estimate. Their
+strength depends on the direction or the sign of the stress."""
 
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,6 +1,6 @@
 """TOML files as tables, and the presets that come with dsfab.
 
-This module imports neither numpy nor pydantic, so `dsfab presets` takes a tenth of the time of checking one preset."""
+This module imports neither numpy nor pydantic, so that `dsfab presets` starts fast."""
 
 import tomllib
 from pathlib import Path
@@ -10,7 +10,7 @@ from dsfab.core.errors import PresetError
 
 PRESETS = tuple(folder / "presets" / kind for folder in Path(__file__).resolve().parents[1:3] for kind in ("", "paper"))
 """Folders of the presets that come with dsfab: inside the package in a wheel, at the top level in a checkout.
-The presets of the paper's figures have their own folder; dsfab finds a preset by name in both folders."""
+The presets of the paper's figures have their own folder."""
 
 
 def shipped_presets() -> dict[str, Path]:
@@ -31,7 +31,7 @@ class TomlError(ValueError):
 def toml_table(text: str) -> dict[str, Any]:
     """Return the tables of a TOML text; a byte order mark is ignored.
     Raises TomlError for invalid text, for tables nested deeper than 50 levels, and for text that stops Python's reader
-    (thousands of brackets, endless numbers). Presets have under 12 levels."""
+    (thousands of brackets, endless numbers)."""
     try:
         values = tomllib.loads(text.removeprefix("\ufeff"))
         if _depth_is_over(values, 50):

@@ -27,10 +27,12 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
     weights : (n,) each, not negative: scalars on the vertices, such as the size of the load or the supports.
     vectors : (3,) each, such as the resultant of the loads.
 
-    The axes are the first clear directions of this list: the vectors; the lines from the surface's centroid to the
-    centroid of each weight; the skew of the area; principal axes of inertia of the area and of the weights, towards
-    positive third moments; the axes x, y and z. A dome under its own weight determines only its vertical axis. Any
-    rotation of its pattern about this axis is equally good."""
+    The axes are the first clear directions of this list:
+    1. the vectors
+    2. the lines from the surface's centroid to the centroid of each weight
+    3. the skew of the area
+    4. principal axes of inertia of the area and of the weights, towards positive third moments
+    5. the axes x, y and z"""
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     measures = [mass, *(mass * weight for weight in weights if (mass * weight).sum() > 0)]
@@ -73,7 +75,7 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
 
 
 REPEATED = 1e-6  # Eigenvalues count as repeated if their relative difference is smaller.
-VISIBLE = 1e-2  # A reference field decides a basis or a sign only if a larger part of it lies in the eigenspace.
+VISIBLE = 1e-2  # Smallest part of a reference field in an eigenspace that decides a basis or a sign.
 SPARE = 2
 """Number of eigenpairs computed beyond the request, so that a repeated last eigenvalue is mostly complete."""
 
@@ -81,8 +83,8 @@ SPARE = 2
 @dataclass(frozen=True, eq=False)
 class Modes:
     """Modes of one diffusion operator, without the constant modes.
-    lam : (k,) eigenvalues, per square metre, ascending. X : (n, k) values at the vertices, dimensionless:
-    X^T M X = (area / 4 pi) I."""
+    lam : (k,) eigenvalues, per square metre, ascending.
+    X   : (n, k) values at the vertices, dimensionless: X^T M X = (area / 4 pi) I."""
 
     lam: Floats
     X: Floats
@@ -108,12 +110,12 @@ def diffusion_modes(
 ) -> Modes:
     """Return the k smallest modes of L x = lambda M x that are not constant (paper, section 3.4); M: Voronoi mass.
 
-    The method is shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. Modes are scaled as on a surface of area 4 pi. So a
-    frequency gives equally many stripes at any size. On the unit sphere modes are M-normalised. Signs, and bases of
-    repeated eigenvalues, do not depend on the solver (`_canonical`). They rotate with the surface if the axes do.
+    The method is shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. Modes are scaled as on a surface of area 4 pi, so
+    that a frequency gives equally many stripes at any size. Signs, and bases of repeated eigenvalues, do not depend on
+    the solver (`_canonical`).
 
     axes     : (3, 3) rows, for signs and bases; default: the axes of the surface alone (`reference_axes`).
-    symmetry : if set, only modes with equal values at all images count; more pairs are computed until k exist.
+    symmetry : if set, only modes with equal values at all images count.
     Raises PatternError if the mesh has too few vertices for k modes."""
     return family_modes(surface, [L], k, axes, symmetry)[0]
 
@@ -126,7 +128,7 @@ def family_modes(
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
     """Return the modes of several operators (n, n) on one surface, as `diffusion_modes` does, with common axes (3, 3).
-    Operators of one mesh have one pattern, which is analysed once. Each operator needs one factorisation."""
+    The operators must have the same pattern, which is analysed once."""
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
     families, solve = [], None
@@ -146,7 +148,7 @@ def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, 
     while True:
         if count >= surface.n:
             raise PatternError(
-                f"{k} modes need more than {count} vertices; the surface has {surface.n}: refine the mesh"
+                f"{k} modes need over {count} vertices, but the surface has {surface.n}; refine the mesh"
             )
         lam, Y = _lanczos(solve, surface.n, 1 / surface.area, count)
         lam, X = lam[constants:], Y[:, constants:] / _root(surface, mass)[:, None]
@@ -174,7 +176,7 @@ def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
 
 
 def _factor(surface: Surface, A: csr_array) -> Factor:
-    """Factorise with PARDISO if it is installed; it takes half of SuperLU's time with one unknown per point.
+    """Factorise with PARDISO if it is installed, else with SuperLU.
     For 30 to 50 single solves, both are faster than the multifrontal factor."""
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
@@ -185,9 +187,9 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
-    """Return the smallest `count` eigenpairs of A (n, n), ascending: Lanczos on `solve`, b -> (A + shift)^-1 b.
-    With four vectors for each pair, restarts are few: 33 solves for five simple modes, 52 for pairs of equal modes.
-    The tolerance is 0, because copies of a repeated eigenvalue grow from rounding errors."""
+    """Return the smallest `count` eigenpairs of A (n, n), ascending, by Lanczos on `solve`: b -> (A + shift)^-1 b.
+    Four vectors for each pair make restarts rare. The tolerance is 0, because copies of a repeated eigenvalue grow from
+    rounding errors."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # always the same start, so the same modes
     try:
@@ -202,10 +204,9 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
     """Return the same eigenspaces in a basis that does not depend on the solver.
-    Symmetric surfaces repeat eigenvalues, and any rotation within such an eigenspace solves the equations. Reference
-    fields decide: x, y, z along the axes, then their products. In each space, these are projected one after the other
-    and orthonormalised, so the first vector is most like x. The sign of a single mode is that of its third moment if
-    that is clear, because the moment needs no axes; else these fields decide."""
+    Reference fields decide: x, y, z along the axes, then their products. They are projected on the space of a repeated
+    eigenvalue, and orthonormalised. The sign of a mode is that of its third moment if this is clear. Otherwise the
+    reference fields decide the sign."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0

@@ -28,7 +28,7 @@ from dsfab.surface import (
     weights_at,
 )
 
-IMAGE_OFF_SURFACE = 0.25  # Largest distance of the images of vertices from the surface, divided by the mean edge.
+IMAGE_OFF_SURFACE = 0.25  # Largest distance of a vertex's image from the surface, in mean edges.
 OFF_SUPPORT = 1.0
 """Largest distance of images of supported vertices from supported vertices, in mean edges, the accuracy of a picker."""
 OFF_LOAD = (0.3, 0.02)
@@ -65,7 +65,7 @@ class Symmetry:
         return np.asarray(np.max([x, *(T @ x for T in self.maps[1:])], axis=0))
 
     def mean_stress(self, sigma: Floats) -> Floats:
-        """Return the mean of tensors (m, 3, 3) at all images of each face, each rotated back: R^T sigma(R x) R."""
+        """Return the mean of tensors (m, 3, 3) at all images of each face, rotated back: R^T sigma(R x) R."""
         total = sum(R.T @ sigma[face] @ R for R, face in zip(self.R, self.faces, strict=True))
         return np.asarray(total / self.order)
 
@@ -77,8 +77,8 @@ class Symmetry:
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
         """Return the modes of X (n, k) with equal values at all images: eigenvalues (j,), M-orthonormal modes (n, j).
-        The modes are combinations of the means of X over the group, whose singular values are 1 or 0 on a symmetric
-        mesh. Among these combinations L is diagonalised again (Rayleigh and Ritz)."""
+        The modes are combinations of the means of X over the group. Among these combinations L is diagonalised again
+        (Rayleigh and Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # shares are near 0 or 1
@@ -88,7 +88,8 @@ class Symmetry:
 
 
 def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Symmetry:
-    """Return the group that `words` generate, about the centroid: `x` mirrors x, `rot:6:z` rotates by a sixth about z.
+    """Return the group of mirrors and rotations about the centroid that `words` generate.
+    words : such as `x` for a mirror of x, or `rot:6:z` for a sixth of a turn about z.
     Raises PatternError for unknown words, and if the surface, its supports or one of the loads lack this symmetry."""
     return checked_symmetry(surface, symmetry_group(words), loads, str(list(words)))
 
@@ -167,8 +168,8 @@ def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
 
 def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
     """Return the largest distance of points (p, 3) from the surface, and a matrix (p, n) of interpolation there.
-    The matrix interpolates at the nearest points of the surface. Barycentric weights below 1e-3 become 0, because
-    files round coordinates. So on a symmetric mesh, a field has exactly equal values at all images of a vertex."""
+    The matrix interpolates at the nearest points of the surface. Barycentric weights below 1e-3 become 0, because files
+    round coordinates."""
     squared, face, nearest_points = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     weight = np.clip(weights_at(nearest_points, surface.V, corner), 0, 1)
@@ -244,8 +245,8 @@ def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) 
 
     axes : (3, 3) orthonormal rows that rotate with the surface, its supports and its loads.
 
-    First a sample of points checks all candidates. The remaining candidates are checked together at all points, or one
-    by one if that check fails."""
+    A sample of points checks each candidate. The remaining candidates are checked together at all points. They are
+    checked one by one if this check fails."""
     glance = _QuickCheck(surface, tuple(loads))
     generators = [R for R in _generators(surface, axes, glance) if glance.allows(R)]
     if not generators:
@@ -281,13 +282,14 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """Supported points of each load case, relative to the centroid: a sample, and a k-d tree of all of them."""
+        """A sample and a k-d tree of the supported points of each load case, relative to the centroid."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """Of the forces of each load case: resultant (N), moments (3, 3) about the centroid (N m), sum of sizes (N)."""
+        """Resultant (N), moments (3, 3) about the centroid (N m) and sum of sizes (N), for the forces of each load
+        case."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
@@ -330,9 +332,9 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
     """Return the normal (3,) of the best mirror for an irregular mesh of a round surface.
-    Candidates point to the points farthest from the axis. The best mirror has the images of the outermost points, at
-    least `samples`, nearest to vertices. Of equal candidates, it has most vertices on the mirror or on the plane
-    across it. The numbering of the vertices does not matter."""
+    Candidates point to the points farthest from the axis. The images of the outermost points in the best mirror are
+    nearest to vertices. Of equal candidates, it has most vertices on the mirror or on the plane across it.
+    samples : minimum number of outermost points."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]
@@ -341,7 +343,7 @@ def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: 
     images = np.concatenate([outer @ mirror(normal).T for normal in N])
     misfit = np.square(outer_tree.query(images)[0]).reshape(len(N), -1).sum(axis=1) / edge**2
     on_mirror = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (N, np.cross(axis, N)))
-    # first the distance of images from vertices decides, then the number of vertices on the mirror
+    # the number of vertices on the mirror decides between equal distances
     ranks = zip(np.round(misfit, 6).tolist(), (-np.round(on_mirror, 6)).tolist(), range(len(N)), strict=True)
     return np.asarray(N[min(ranks)[2]])
 

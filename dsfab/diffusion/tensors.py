@@ -13,15 +13,15 @@ from dsfab.surface.fields import assemble, hat_gradients, tangents
 
 
 def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
-    """Return one stress for all layers through the thickness: (m, 3, 3) Pa, symmetric, tangent to the faces.
+    """Return one stress for all layers of a sheet: (m, 3, 3) Pa, symmetric, tangent to the faces.
     Its principal axes have the smallest mean square of shear over the thickness. Each principal value is the root mean
-    square of the traction on its axis over the thickness.
+    square of the traction on its axis.
 
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
     bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa.
 
-    The result rotates with the surface, scales with the stress and changes sign with it. Reversed normals change only
-    its sign, and only if the middle surface is unstressed. Faces without bending keep their membrane stress exactly."""
+    The result changes its sign with the stress. Faces without bending keep their membrane stress exactly.
+    Reversed normals change the sign of the result only if the middle surface has no stress."""
     t = tangents(surface)
     flat, bent = (np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True) for sigma in (membrane, bending))
     square = _deviator(flat) ** 2 + _deviator(bent) ** 2 / 3
@@ -48,7 +48,7 @@ def _deviator(planar: Floats) -> Floats:
 
 
 Labelling = Literal["signed", "magnitude"]
-ISOTROPY = 0.02  # A face is isotropic if its principal stresses differ by less than this fraction of their RMS.
+ISOTROPY = 0.02  # Largest difference of an isotropic face's principal stresses, divided by their RMS.
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +82,10 @@ def diffusion_tensors(
 
     sigma     : (m, 3, 3) stress, Pa, tangent to the faces.
     r         : anisotropy, >= 1; 1 gives the Laplacian.
-    gamma     : the paper's force magnitude, a factor on the stress before classification (statics are linear).
-    labelling : `signed`: the primary stress is the algebraically larger one (tension); `magnitude`: the one with the
-                larger absolute value (the paper). On a sphere pressed at its pole, meridian compression and hoop
-                tension are almost equal. There rounding decides the labels of `magnitude`, and the structure falls
-                apart. For a `combined_stress`, which is nowhere negative, both rules choose the larger value.
+    gamma     : the paper's force magnitude, a factor on the stress.
+    labelling : `signed`: the primary stress is the algebraically larger one (tension). `magnitude`: it is the one with
+                the larger absolute value (the paper). If compression and tension are almost equal, rounding decides the
+                labels of `magnitude`.
     isotropy  : tolerance of the classification; ref is the RMS of the principal stresses over the area, without gamma.
                 `signed`: gamma (s1 - s2) <= isotropy ref. `magnitude`: (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 +
                 isotropy, with eps = isotropy ref."""
@@ -107,12 +106,10 @@ def diffusion_tensors(
 def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Sequence[float]) -> Floats:
     """Combine load cases to one tensor (m, 3, 3), Pa: the sum of weight |sigma|, with |sigma| = sum |s_i| e_i e_i^T.
 
-    stresses : (m, 3, 3) each, Pa, tangent to the faces.     weights : 0 or more for each case.
+    stresses : (m, 3, 3) each, Pa, tangent to the faces.    weights : 0 or more for each case.
 
-    Tension and compression in a direction count alike. So cases of opposite sign (wind from two sides) add up, and do
-    not cancel. Cases are not normalised: a larger load counts more unless weights differ. Both principal values are 0
-    or more, so `signed` and `magnitude` give the same order. In pure shear, tension and compression are equal. Then
-    |sigma| has no preferred direction, and faces around change their label. So use the stress itself for one case."""
+    Tension and compression in a direction count alike. So cases of opposite sign (wind from two sides) do not cancel.
+    Use the stress itself for one case, because |sigma| has no preferred direction in pure shear."""
     total = np.zeros((surface.m, 3, 3))
     for sigma, weight in zip(stresses, weights, strict=True):
         stress, direction = principal_stresses(surface, sigma)
@@ -142,7 +139,7 @@ def _is_isotropic(stress: Floats, labelling: Labelling, tolerance: float, refere
 
 def diffusion_operator(surface: Surface, D: Floats) -> csr_array:
     """Return the weak form of -div(D grad), paper eq. 5, on linear hats with a tensor per face [Andreux et al. 2014].
-    D : (m, 3, 3) symmetric, positive on each face's plane, dimensionless; it acts on gradients.
-    Returns L : (n, n) symmetric positive semidefinite, with zero row sums; for D = I the cotangent Laplacian."""
+    D : (m, 3, 3) symmetric, positive on each face's plane, dimensionless. D acts on gradients.
+    Returns L : (n, n) symmetric positive semidefinite, with zero row sums. L is the cotangent Laplacian for D = I."""
     g, A = hat_gradients(surface), surface.areas  # (m, 3 corners, 3 xyz) per metre; (m,) square metres
     return assemble(surface, np.einsum("mia,mab,mjb,m->mij", g, D, g, A, optimize=True))

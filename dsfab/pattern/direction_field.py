@@ -16,12 +16,12 @@ from dsfab.surface import link_components
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
-"""Stripes follow the boundary where the cosine of their gradient with the boundary is smaller (17 degrees)."""
+"""Largest cosine between the gradient of stripes and a boundary that these stripes follow (17 degrees)."""
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
     """Return a mask (n,) of vertices where stripes follow the boundary; g : (n, 3) unit gradients of their phase.
-    shortest : metres; shorter rows of such vertices are left out, for example across the corner of a plate."""
+    shortest : metres; shorter rows of such vertices are left out."""
     ends = surface.edges.ends[surface.edges.boundary]
     step = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
     moment = np.zeros((surface.n, 3, 3))
@@ -42,7 +42,7 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 def family_crossings(frames: Frames, along: Floats) -> Bools:
     """Return a mask (n,) of vertices where `along` (n, 3), a unit tangent up to sign, belongs to the other family.
     In a region, the direction rotates by less than 45 degrees from vertex to vertex. The families keep their names in
-    the largest region, and exchange them at each border. A curve that ends inside the surface bounds no region."""
+    the largest region, and exchange them at each border between regions."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -154,7 +154,7 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     return sign
 
 
-FLOOR = 1e-6  # Smallest weight of the stress, so that the field is unique on an unstressed surface.
+FLOOR = 1e-6  # Smallest weight of the stress. It makes the field unique on an unstressed surface.
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,13 +177,13 @@ class StressDirections:
 
 RISE = (0.02, 0.75)
 """Limits of the mean squared slope (sine) of a shell with arches: a flat plate has 0, half a sphere 2/3, a tower 1."""
-CLEAR_SHARE = 0.75  # A title such as "pressed" must be true on at least this fraction of a family's area.
+CLEAR_SHARE = 0.75  # Smallest fraction of a family's area on which its title, such as "pressed", is true.
 
 
 class FamilyRole(NamedTuple):
-    """How a family of stripes carries the loads.
+    """Way in which a family of stripes carries the loads.
     key    : "major" or "minor".    shape : "arches", "hoops" or "purlins" (straight level lines); "" for other shapes.
-    pulled : fraction of the area, weighted by stress, on which the family is pulled, 0 to 1; NaN if unknown."""
+    pulled : fraction of the area, weighted by stress, on which the family is pulled; NaN if unknown."""
 
     key: str
     shape: str = ""
@@ -226,9 +226,9 @@ def cross_field(
     turn     : rotation from the stress, radians, counter-clockwise as seen from the tip of the normal.
     guidance : guides, which are not rotated.
 
-    In each frame the field is z^2, the square of the direction as a complex number z: both signs of z give the same
-    square. The field minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2. Here e is the first principal direction, and c
-    its confidence; see also `Guidance`. Raises PatternError if the stress is zero."""
+    Let z be the direction as a complex number in a frame. The field is z^2, because it is the same for z and -z.
+    It minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2. Here e is the first principal direction, and c its confidence;
+    see also `Guidance`. Raises PatternError if the stress is zero."""
     surface = frames.surface
     share = (surface.areas * directions.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
     e = directions.direction[:, 0]
@@ -242,7 +242,7 @@ def cross_field(
     weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
     x = frames.twisted_factors.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
     size = np.abs(x)
-    # smaller numbers are rounding errors, for example at the pole of a symmetric mesh; there an edge is the direction
+    # smaller numbers are rounding errors; there the direction of an edge replaces the field
     angle = np.where(size > 1e-6 * size.max(), np.angle(x) / 2, _first_edge_angles(frames))
     return frames.direction(angle)
 

@@ -14,8 +14,8 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Maximum number of vertices at reversed edges that are eliminated separately: each costs a solve for every factor.
-At 10,000 points, twice as many vertices take as long as the real matrix of twice the size."""
+"""Largest number of vertices at reversed edges that are eliminated separately.
+Each such vertex costs a solve for every factor. For more vertices, the real matrix of twice the size is faster."""
 
 Solve = Callable[[Complexes], Complexes]
 
@@ -92,7 +92,7 @@ class _EntryPositions:
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
     """Return the solver b -> x of H x - W conj(x) = b; `solve` solves H. W (n, s) acts on conjugates at vertices (s,).
-    With Z = H^-1 W, x = H^-1 b + Z conj(x). First 2 s real equations give x at these vertices, then x everywhere."""
+    With Z = H^-1 W, the solution is x = H^-1 b + Z conj(x). First 2 s real equations give x at these vertices."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
     inverse = np.linalg.inv(
@@ -121,7 +121,7 @@ class Frames:
 
     @classmethod
     def for_surface(cls, surface: Surface) -> Self:
-        """Return frames; t1 is the projected x axis, or y where the normal is near x. This choice changes no result."""
+        """Return frames; t1 is the projected x axis, or y if the normal is nearly x. This choice changes no result."""
         normal = surface.vertex_normals.copy()
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
         axis = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
@@ -145,7 +145,7 @@ class Frames:
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
         """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point to the same side, -1 if to opposite sides.
-        If they are perpendicular, the orientation of the surface decides, not rounding errors."""
+        The orientation of the surface decides if the tangents are perpendicular."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 

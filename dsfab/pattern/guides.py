@@ -26,11 +26,12 @@ class Guide:
     """A curve, or a direction in a region, for stripes. The larger its weight, the more closely stripes follow it.
 
     curve     : points of a polyline on the surface or near it, metres.
-    reach     : straight distance from the curve at which the guide's weight falls to 0, metres; default: the smaller
-                spacing of the stripes.
-    at        : a region, instead of a curve.    direction : of the stripes in the region; its tangential part counts.
+    reach     : straight distance from the curve at which the weight falls to 0, metres; default: the smaller spacing of
+                the stripes.
+    at        : a region, instead of a curve.
+    direction : of the stripes in the region. Its tangential part counts.
     weight    : 1 counts as much as clear stress, 0 not at all; 100 or more overrules stress.
-    family    : the family whose stripes follow the guide; stripes of the other family run across it.
+    family    : the family whose stripes follow the guide. Stripes of the other family run across it.
     member    : True for a member on the curve itself, whatever the weight.
     Raises GuideError without a curve or a region, with both, and for a region with a member or without a direction."""
 
@@ -65,7 +66,7 @@ class Guide:
 
 @dataclass(frozen=True, eq=False)
 class Guidance:
-    """The term of a guide in the minimisation of a cross field z: weight |z^2 - square / weight|^2.
+    """Term of a guide in the minimisation of a cross field z: weight |z^2 - square / weight|^2.
     weight : (n,) at the vertices.    square : (n,) complex in their frames: weight x (direction of major stripes)^2."""
 
     weight: Floats
@@ -81,7 +82,7 @@ class Guidance:
 
     def tensors(self, frames: Frames) -> Floats:
         """Return symmetric tensors (n, 3, 3) of trace 0 in space, for comparing guides at distant vertices.
-        A weight w gives the size w / (1 + w), because beyond w = 100 the field hardly changes."""
+        A weight w gives a tensor of size w / (1 + w), because beyond w = 100 the field hardly changes."""
         e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
         strength = self.square / (1 + self.weight)
@@ -112,7 +113,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
     """Return squares (n,) of the direction of the curve's nearest piece, complex; their size falls to 0 at the reach.
-    Other pieces count with less weight, if they are farther away by under a tenth of the reach."""
+    Pieces that are farther away by less than a tenth of the reach count, too, with less weight."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -140,7 +141,7 @@ def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Comp
     return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
 
 
-ON_EDGE = 1e-9  # A point lies on an edge of a face if its barycentric weight at the opposite corner is smaller.
+ON_EDGE = 1e-9  # Largest barycentric weight, at the opposite corner, of a point on an edge.
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,9 +172,8 @@ class GuideLine:
         return lines
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
-        """Return the vertices (v,) of faces that the curve crosses, and target phases (v,) there, in periods.
-        Phases are -1/2 to 1/2. g : (n, 3) unit direction of their gradient, up to sign. density : (n,) periods per m.
-        """
+        """Return the vertices (v,) of faces that the curve crosses, and target phases (v,) there, -1/2 to 1/2 periods.
+        g : (n, 3) unit direction of the phase's gradient, up to sign.    density : (n,) periods per m."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
         begin = np.arange(len(self.points) - 1)
@@ -210,7 +210,7 @@ def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density:
 
 
 def _points_on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
-    step = surface.mean_edge / 8  # so the curve skips few faces, near their corners
+    step = surface.mean_edge / 8  # so small that the curve skips few faces
     points = [curve[:1]]
     for begin, end in pairwise(curve):
         count = max(int(np.ceil(np.linalg.norm(end - begin) / step)), 1)

@@ -12,21 +12,21 @@ from dsfab.surface import Distances, Origins, PatternRegion, Surface, geodesic_d
 from dsfab.surface.fields import DividedField, DividedSurface
 from dsfab.surface.topology import link_components
 
-EVEN = 0.01  # Largest error of a region's outline, divided by its reach; distances are linear on faces only roughly.
+EVEN = 0.01  # Largest error of a region's outline, divided by the region's reach.
 SNAP = 0.05
-"""The usual `slicing.snap`: a cut moves an outline through a vertex that is this near, as a fraction of a mesh edge.
-dsfab halves the vertex's edges if the outline would move by more than twice `EVEN`."""
+"""Usual `slicing.snap`: a cut moves an outline onto vertices within this fraction of a mesh edge.
+Edges at a vertex are halved if the outline would move by more than twice `EVEN`."""
 SHORT = 1 / 16
 """Edges under this fraction of the reach are not halved: they lie between two equally near parts of the boundary."""
 FINEST = 1 / 16
-"""Edges under this fraction of their face's longest side are not halved: with tiny parts, a sheet is hard to solve.
-This makes the corners of a region blunt by up to half of this length."""
+"""Smallest edge that is halved, as a fraction of the longest side of its face.
+A sheet with smaller parts is hard to solve. The corners of a region are blunt by up to half of this length."""
 NEAR = 0.3
-"""An outline of a region moves through a vertex that is this near, as a fraction of a mesh edge, by at most `EVEN`.
-Otherwise a line close to a vertex would leave very flat triangles."""
+"""Largest move of an outline onto a vertex, as a fraction of a mesh edge; it is also at most `EVEN`.
+An outline beside a vertex would make very thin triangles."""
 ASIDE = 0.1
-"""An edge is divided where an outline crosses it, if this point is so near to its middle, as a fraction of the edge.
-A new vertex at the middle itself would lie too close to the outline."""
+"""An edge is divided at an outline within this distance of its middle, as a fraction of the edge.
+A vertex at the middle would lie too close to the outline."""
 
 
 def curve_fields(
@@ -34,9 +34,9 @@ def curve_fields(
 ) -> list[Floats | DividedField]:
     """Return the field (n,) of each region: minus the distance along the surface from its origins, metres.
 
-    On a region's outline, its field is minus its reach. Where the distance is not linear, faces at the outline are
-    divided. All fields share the divided surface. The division ends after `rounds` rounds or over `most_parts` new
-    faces. Farther outside than the longest edge, distances are only finite lower bounds."""
+    A region's field is minus its reach on its outline. Faces at the outline are divided if the distance is not linear.
+    All fields share the divided surface. The division ends after `rounds` rounds or over `most_parts` new faces. Far
+    outside a region, distances are only lower bounds."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
         fields = [
@@ -70,7 +70,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
-    """Return the positions (e,) at which to divide edges, 0 at their first end and 1 at the other.
+    """Return the positions (e,) at which to divide edges, 0 at their first end and 1 at the other end.
     An edge is divided where a single outline crosses it near the middle (see `ASIDE`), else at the middle."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
@@ -91,7 +91,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,); those near the reach (see `NEAR`) become the reach, unless a whole face is near."""
+    """Return distances (n,). Distances near the reach (see `NEAR`) become the reach, unless a whole face is near."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -144,8 +144,8 @@ def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
 @dataclass(frozen=True, eq=False)
 class RegionBand:
     """A band along the outline of a region, on its inside.
-    outline : edges between faces inside and outside the region, as origins of distances. width : metres.
-    inside : (n,) 1 inside the region, 0 on its outline, -1 outside."""
+    outline : edges between faces inside and outside the region, as origins of distances.    width : metres.
+    inside  : (n,) 1 inside the region, 0 on its outline, -1 outside."""
 
     outline: Origins
     width: float
@@ -153,8 +153,8 @@ class RegionBand:
 
     def layer(self, field: Floats | DividedField) -> Layer:
         """Return the layer of the band; field : minus the distance (n,) from the outline, metres.
-        The layer has the level 0 and two fields. Material is where the first field, positive inside the region, is
-        above this level, and the second field, distance - width, is not (see `dsfab.slicing.cutting.cut`)."""
+        The layer has the level 0 and two fields. Material is where the first field, `inside`, is above the level, and
+        the second field, distance - width, is below it."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -174,7 +174,7 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
-    """Return the bands of regions; default width: `rim` (m), or half of area / length of the outline if `rim` is 0.
+    """Return the bands of regions. Default width: `rim` (m), or half of area / length of the outline if `rim` is 0.
     Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
@@ -199,13 +199,13 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
             raise PatternError(f"{region_key(regions, k)}: {error}") from None
         if not faces.any():
             raise PatternError(
-                f"{region_key(regions, k)} has no face of the surface; make the region larger, or pick by a ball"
+                f"{region_key(regions, k)} contains no face of the surface; make the region larger, or pick by a ball"
             )
         yield k, faces
 
 
 def region_sides(surface: Surface, faces: Bools) -> Floats:
-    """Return 1 (n,) at vertices of marked faces (m,) only, -1 at vertices of other faces only, 0 where both meet."""
+    """Return 1 (n,) at vertices of marked faces (m,) only, -1 at vertices of other faces only, else 0."""
     is_side = np.zeros((2, surface.n), dtype=bool)
     is_side[0, surface.F[faces]] = is_side[1, surface.F[~faces]] = True
     return np.asarray(is_side[0].astype(np.float64) - is_side[1])
@@ -224,15 +224,15 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
     """Return the distance (n,) to marked vertices and to the edges and faces between them, metres.
-    It is straight to a patch, but along the surface to points and curves, as in `distance_to_boundary`."""
+    The distance to a patch is straight. The distance to points and curves is along the surface."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
 
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
-    """Return a mask (n,) of marked vertices in patches, which have marked faces; others form points and curves.
-    A face with three boundary vertices, or an inner edge with two, is not marked, because both depend on the mesh."""
+    """Return a mask (n,) of marked vertices in patches, which have marked faces. Other vertices form points and curves.
+    A face with three boundary vertices is not marked, nor is an inner edge with two. Both depend on the mesh."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))
@@ -274,9 +274,8 @@ def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
     """Return the layers of kept material: regions of the user, `keep` metres around marked vertices (n,), a `rim`.
-    The outline around a patch is straight on each face, because the patch itself has the ragged edge of its faces.
-    Around points and curves the outline is smooth, see `curve_fields`. Regions of the user end at edges of the
-    surface, because dsfab has cut the surface along their outlines."""
+    The outline around a patch is straight on each face. The outline around points and curves is smooth, see
+    `curve_fields`. Regions of the user end at edges of the surface."""
     patch = patches(surface, marked)
     regions = []
     if keep and (marked & ~patch).any():

@@ -19,11 +19,11 @@ from dsfab.surface.mesh import Surface
 
 class Layer(NamedTuple):
     """A field, and the levels at which its values change between material and openings.
-    Values (n,) are material if an odd number of levels lies below them. For values (n, 2) see `Stripes.band`. The
-    field may also be a corner field, or be linear on parts of faces.
+    Values (n,) are material if an odd number of levels lies below them. For values (n, 2) see `Stripes.band`.
 
+    field      : values, a corner field, or a field that is linear on parts of faces.
     half_width : (n,) d in periods, for shaders.
-    closed     : (n,) values or None; an opening becomes material if their mean in the opening is positive."""
+    closed     : (n,) values or None. An opening with a positive mean value becomes material."""
 
     name: str
     field: Floats | CornerField | DividedField
@@ -34,7 +34,7 @@ class Layer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ModeFamily:
-    """Stripes on a mode x (n,); slope and stress decide their widths.
+    """Stripes on a mode x (n,). Slope and stress decide their widths.
     slope : (n,) |grad z|, periods per metre.    stress : (n,) size of the stress along the stripes; any unit."""
 
     name: str
@@ -76,8 +76,8 @@ class ModeFamily:
 
 class DrawableFamily(Protocol):
     """A family of stripes, on a mode or evenly spaced.
-    density : (n,) stripes per metre. stress : (n,) size of the stress along the stripes; any unit.
-    adds : position of the family in the order in which families add finer stripes."""
+    density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
+    adds    : position in the order in which families add finer stripes."""
 
     @property
     def adds(self) -> int: ...
@@ -104,8 +104,8 @@ class DrawableFamily(Protocol):
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
         """Return the layers: first stripes that exist everywhere, then finer stripes in the openings between them.
-        closing : factor that decides which openings become material as a whole; default `factor`. With a fixed
-                  `closing`, the fraction of material does not jump as `factor` grows."""
+        closing : factor that decides which openings become material as a whole; default `factor`. A fixed `closing`
+                  prevents jumps of the fraction of material as `factor` grows."""
         ...
 
 
@@ -120,9 +120,9 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the factor on graded widths with which the families have the same mean duty as by their thresholds.
-    Duty is the fraction of material. All families have the same factor, so more stress gives more material. Bounds in
-    metres apply afterwards. Raises PatternError if too little of the surface is stressed."""
+    """Return the common factor on graded widths at which families keep the mean duty of their thresholds.
+    Duty is the fraction of material. Bounds in metres apply afterwards. Raises PatternError if too little of the
+    surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
     def duty(factor: float) -> float:
@@ -133,16 +133,14 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Ratios of a member's width to the crowded width. Up to the first, members become thinner, so that openings stay.
-From the second on, members merge, as around a load. Both apply only to openings that do not become material as a whole
-(`Layer.closed`)."""
+"""Ratios of a member's width to the crowded width.
+Up to the first ratio, members become thinner, so that openings stay. From the second ratio on, members merge.
+Openings that become material as a whole (`Layer.closed`) use `WHOLE` instead."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
-"""`CLOSING_WIDTHS` for widths that follow the stress, because stressed places need material.
-With `CLOSING_WIDTHS`, a dome with half of its material is 5 % softer."""
+"""Values of `CLOSING_WIDTHS` for widths that follow the stress, because stressed places need material."""
 WHOLE = 1.3
 """Ratio of the mean width to the crowded width at which an opening becomes material as a whole.
-If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces it. With 1.5, the crown of a dome under a point
-load stays open, and the dome is 2 % softer."""
+If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces it."""
 WIDTH_RULES = {
     "solid": SOLID,
     "open": SLIT,
@@ -155,11 +153,11 @@ WIDTH_RULES = {
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
-    """Stripes with centre lines where a phase is a whole number; halvings remove some of these lines, see `wanted`.
+    """Stripes with centre lines where a phase is a whole number. Halvings remove some of these lines.
 
     phase   : at the corners, with all lines before halving.
-    wanted  : for each halving, from the finest lines on: (m,) fraction of each face in which this halving's lines
-              remain. Lines at multiples of 2^len(wanted) remain everywhere.
+    wanted  : for each halving, from the finest lines on: (m,) fraction of each face in which its lines remain.
+              Lines at multiples of 2^len(wanted) remain everywhere.
     slope   : (n,) lines of the phase per metre.    density : (n,) remaining lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
     whole   : True if openings between crowded members become material as a whole, False if narrow parts only."""
@@ -180,8 +178,7 @@ class EvenFamily:
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
         """Return half widths d (n,), in periods of the remaining lines.
-        Members too close together become thinner, so that a slit stays open; still closer members merge, see
-        `CLOSING_WIDTHS`. The rule `plain` does neither."""
+        Crowded members become thinner or merge, see `CLOSING_WIDTHS`; under the rule `plain` they stay."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
@@ -289,7 +286,7 @@ def _is_drawn(field: CornerField) -> Bools:
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
     """Return a function that estimates the fraction of the surface that layers cover, from sample points.
-    Its layers begin with `kept_layers`, which are counted once. The error is about 0.003; a cut is ten times slower."""
+    Its layers must begin with `kept_layers`, which are counted once. The error is about 0.003."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 

@@ -16,8 +16,8 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration, times the squared spacing: it makes the matrix definite, with equal eigenvectors."""
-FLOW = 0.25  # A step of diffusion has the duration 1 / tau, with tau = `FLOW` (2 pi / spacing)^2.
+"""Shift of the inverse iteration, times the squared spacing. It makes the matrix definite, with equal eigenvectors."""
+FLOW = 0.25  # Inverse duration of a step of diffusion, divided by (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
 """A locked phase this near to its target, in periods, becomes the target, so that edges get straight members."""
 LOCK = 3.0  # Weight of a locked phase, divided by (2 pi / spacing)^2.
@@ -40,7 +40,7 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase along each edge, from its first end and with the sign of g there, periods."""
+        """(e,) growth of the phase along each edge, periods, with the sign of g at the edge's first end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -60,18 +60,20 @@ class Flow:
         free: bool = False,
         rounds: int = 10,
     ) -> Floats:
-        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2; the sign of each is that of g at its vertex.
+        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2. The sign of a phase is that of g at its vertex.
 
-        The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2
-        over edges of weight w. If g is reversed along an edge, psi_i is conjugated. The first minimum is for all psi
-        with a common norm. The second minimum is for psi of size 1 everywhere. Steps of diffusion and normalisation
-        alternate [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
+        The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
+        edges of weight w. If g is reversed along an edge, psi_i is conjugated. First the numbers psi have a common
+        norm. Then
+        steps of diffusion and normalisation give each number the size 1 [Merriman, Bence, Osher 1992; for phases
+        Viertel,
+        Osting 2019].
 
-        start : (n,) start of the iteration; without locked vertices, a line passes through its peak.
+        start : (n,) start of the iteration. Without locked vertices, a line passes through its peak.
         lock  : (n,) vertices on the centre line of a stripe.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; default 0.
-        free  : True to begin without locked vertices, because phases that start from two of these may not fit together.
-        rounds : number of steps of diffusion and normalisation; during these, pairs of dislocations meet and vanish."""
+        free  : True to begin without locked vertices, because their phases may not fit together.
+        rounds : number of steps of diffusion and normalisation."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
@@ -96,9 +98,8 @@ class Flow:
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
-    """Return the result (n,) of 20 inverse iterations with B from start (n,), with an error of 1e-5 after 12 solves.
-    More iterations are useless, because several eigenvectors are almost equally good. B conjugates some numbers, and
-    so is linear only for their real and imaginary parts."""
+    """Return the result (n,) of 20 inverse iterations with B from start (n,). 12 solves give it with an error of 1e-5.
+    B conjugates some numbers, so it is linear only for their real and imaginary parts."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
     )
@@ -116,8 +117,8 @@ def _complex_numbers(x: Floats) -> Complexes:
 @one_blas_thread()  # two threads took three times as long for products of vectors
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
     """Return B^power x, with norm 1 for the mass (N,), from the Krylov space of `products` products with a linear B.
-    Arnoldi's method [Saad 1992] writes B as a small matrix H, on an orthonormal basis of B x, B B x, ..., and computes
-    powers of H. With as many products as powers the result is exact."""
+    Arnoldi's method [Saad 1992] writes B as a small matrix H on an orthonormal basis, and computes powers of H. With as
+    many products as powers the result is exact."""
     basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
@@ -145,9 +146,8 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
-    """Return phases (n,), in periods, shifted by half a period if then more weight (n,) lies on centre lines.
-    `Flow.solve` finds both phases equally good, because both have the same sum of squares. Shifts by 1/2 and by -1/2
-    are equal, so signs of phases do not matter. Phases stay if the weighted mean of their cosine is above -0.02."""
+    """Return phases (n,), in periods, shifted by half a period if more weight (n,) then lies on centre lines.
+    `Flow.solve` finds both phases equally good. Phases stay if the weighted mean of their cosine is above -0.02."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -161,8 +161,8 @@ def _unit_numbers(x: Complexes) -> Complexes:
 class CornerPhase:
     """A phase of stripes on a surface, a whole number on centre lines.
     value    : (n,) at the vertices, periods.
-    sign     : (m, 3) 1 or -1, and shift : (m, 3) whole numbers: a face's corner has the phase sign * value + shift.
-    singular : (m,) faces in which a stripe ends or the direction reverses, so the phase has no meaning.
+    sign     : (m, 3) 1 or -1. The phase at a face's corner is sign * value + shift.    shift : (m, 3) whole numbers.
+    singular : (m,) faces without a phase, because a stripe ends or the direction reverses in them.
     broken   : number of faces in which a stripe ends."""
 
     value: Floats
@@ -195,8 +195,8 @@ class CornerPhase:
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
     """Return the phases (n,) of `Flow.solve`, in periods, as a phase at the corners of the faces.
-    alternative : function that returns other phases (n,); called only if stripes end within faces. Its phases replace
-                  `phase` if stripes then end in fewer faces."""
+    alternative : function that returns other phases (n,). It is called only if stripes end within faces. Its phases
+                  replace `phase` if stripes then end in fewer faces."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -229,7 +229,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with equal signs and periods in adjacent faces; a search carries both from face to face.
+    """Return the phase with equal signs and periods in adjacent faces. A search carries both from face to face.
     In adjacent faces f and g, z_f = s z_g + q holds at the corner where their half-edge h0 starts."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
@@ -257,7 +257,7 @@ def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
     """Set signs and shifts (m,) of the faces, in the `order` in which a search from a first face reached them.
-    At first, each face has its sign and shift relative to an earlier face. Each step halves the paths to the first."""
+    At first, signs and shifts are relative to an earlier face. Each step halves the paths to the first face."""
     child = order[1:]
     if not len(child):
         return

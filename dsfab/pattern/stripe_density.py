@@ -1,8 +1,7 @@
 """Stripes per metre, as even as possible for stripes with a given direction.
 
-Stripes with gradients along g do not end if their density e^u has curl(e^u g) = 0. So they spread where directions
-diverge, and crowd where directions meet. The equation determines only the derivative of u along the stripes, by least
-squares [cf. the curl-free frame fields of Diamanti et al. 2015]."""
+Stripes with gradients along g do not end if their density e^u has curl(e^u g) = 0. The equation determines only the
+derivative of u along the stripes, by least squares [cf. the curl-free frame fields of Diamanti et al. 2015]."""
 
 from typing import NamedTuple
 
@@ -16,16 +15,16 @@ from dsfab.surface.mesh import Surface
 SMOOTH = 0.02  # Weight of |grad u|^2, which determines u where directions are unclear.
 EVEN = 0.3
 """Weight of u^2, divided by the area of the surface: it keeps the density near its mean."""
-RANGE = (-2.0, 1.5)  # Bounds of u without halving; u is infinite at singular points of the field.
+RANGE = (-2.0, 1.5)  # Bounds of u without halving.
 COARSE_RANGE = (-1.0, 3.0)
 """Bounds of u with halving, which lowers large densities, so the upper bound is larger."""
 MOST_HALVINGS = 3
 
 
 def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
-    """Return u (n,), the logarithm of the relative density of stripes with gradients along g (n, 3); its median is 0.
-    The equation on each face, with equal signs of g at its corners: p . grad u = curl g / |mean g|, where p = n x g is
-    the direction of the stripe. confidence : (m,) weight of this equation, 0 to 1."""
+    """Return u (n,), the logarithm of the relative density of stripes with gradients along g (n, 3). Its median is 0.
+    On each face, u satisfies p . grad u = curl g / |mean g|, with equal signs of g at the corners.
+    Here p = n x g is the direction of the stripe.    confidence : (m,) weight of this equation, 0 to 1."""
     surface = frames.surface
     grad = hat_gradients(surface)
     corners = g[surface.F]
@@ -47,15 +46,15 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
     diagonal = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
     right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
-    # a complex matrix has the pattern that is already analysed for the phases, which saves time
+    # complex, because the phases have the same pattern, which is already analysed
     u = frames.twisted_factors.hermitian(coupling.astype(complex), diagonal)(right.astype(complex)).real
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 
 
 class Halving(NamedTuple):
-    """Numbers of times that the density of lines is halved, at each vertex the whole number below `wish` (n,).
+    """Numbers of times that the density of lines is halved: at each vertex the whole number below `wish` (n,).
     most : largest number.    wish : (n,) ideal numbers, from 0 to `most`.    free : (n,) the same without bounds.
-    limits     : bounds of the logarithm of the density before halving."""
+    limits : bounds of the logarithm of the density before halving."""
 
     most: int
     wish: Floats
@@ -70,9 +69,9 @@ class Halving(NamedTuple):
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     """Return the halvings that make the spacing of stripes most even; u : (n,) logarithm of their density.
-    The function tries smallest densities after halving, from the median to a quarter of it, in factors of 2^(1/20).
-    The best one has the smallest ratio of the P95 to the P5 of the spacing. Each halving must reduce it by 5 %,
-    because halvings end members. The densest 2 % of the area do not count."""
+    The function tries smallest densities after halving, from the median to a quarter of it. The best density has the
+    smallest ratio of the P95 to the P5 of the spacing. Each halving must reduce this ratio by 5 %, because halvings end
+    members. The densest 2 % of the area do not count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
     ascending = np.argsort(u, kind="stable")  # makes the quantiles fast

@@ -73,8 +73,8 @@ class Stripes:
 
     def levels(self, x: Floats) -> Floats:
         """Return the values (k,) of the mode at the edges of stripes, in the range of x (n,), ascending.
-        Material lies where the phase z is within d of a whole number k: from each k - d to k + d. So an odd number of
-        levels lies below material."""
+        Material has a phase from k - d to k + d, for whole numbers k. So an odd number of levels lies below material.
+        """
         d = self.half_width
         if d == 0:
             return np.empty(0)
@@ -87,8 +87,7 @@ class Stripes:
 def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
     """Return the frequency at which centre lines of stripes on a mode x (n,) have the mean distance `spacing` (metres).
     The mean distance is the area divided by the length of the centre lines. The mean of this length for all phases is
-    the integral of |grad z|: the co-area formula [Federer 1959]. The length grows with the frequency. Raises
-    PatternError for a constant mode."""
+    the integral of |grad z|: the co-area formula [Federer 1959]. Raises PatternError for a constant mode."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
     lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres per unit of frequency
     if not lines * spacing > 0:

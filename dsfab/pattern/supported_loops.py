@@ -15,24 +15,24 @@ from dsfab.surface import Surface, geodesic_distances
 from dsfab.surface.fields import hat_gradients
 
 REACH = 1.5
-"""Distance from a small loop within which stripes form rings and rays, divided by the spacing of stripes.
-In a hall on nine columns, singular points of the stress lie up to 1.2 spacings from the outer columns."""
+"""Distance from a small loop within which stripes form rings and rays, divided by the spacing of stripes."""
 PULL = 100.0
 """Weight of a small loop at its edge, which overrules the stress (see `Guide.weight`); it falls to 0 at `REACH`."""
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
-    """Return boundary loops (k,) with a mean radius below the spacing (m), if all their vertices are `supported` (n,).
-    Fewer than seven stripes would end on such a loop."""
+    """Return boundary loops (k,) with a mean radius below the spacing (m), if all their vertices are `supported`
+    (n,)."""
     loops = [loop for loop in surface.loops if supported[loop].all()]
     return [loop for loop in loops if polygon_perimeter(surface.V[loop]) < 2 * np.pi * spacing]
 
 
 @dataclass(frozen=True, eq=False)
 class LoopSurroundings:
-    """The surroundings of a small supported loop: one family forms rings, the other family rays.
-    weight : (n,) weight at the vertices.    ray : (n,) square of the unit direction of rays, complex in the vertices'
-             frames.    outwards : (m, 3) unit direction away from the loop; 0 beyond the reach."""
+    """Surroundings of a small supported loop: one family forms rings, the other family rays.
+    weight   : (n,) weight at the vertices.
+    ray      : (n,) square of the unit direction of rays, complex in the frames of the vertices.
+    outwards : (m, 3) unit direction away from the loop; 0 beyond the reach."""
 
     weight: Floats
     ray: Complexes

@@ -36,7 +36,7 @@ class Images:
 
     def marked_in_any(self, marked: Bools) -> Bools:
         """Return a mask (m,) of faces with a marked image, because rounding decides which face at a vertex is singular.
-        On a mesh that is less symmetric than its surface, images of faces are not faces, and marks stay unchanged."""
+        Marks stay unchanged if images of vertices are not vertices."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 
@@ -58,8 +58,8 @@ class Images:
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
         """Return the projection onto symmetric phases; their gradient at V (n, 3) is `density` (n,) x g (n, 3).
 
-        Where g is reversed at an image, the phase is conjugated. An image may lie between vertices. Then the phases of
-        these vertices grow on the way to the image, because a plain mean has large errors if a period has few edges."""
+        If g is reversed at an image, the phase is conjugated. The phases of the vertices around an image grow on the
+        way to the image, because a plain mean has large errors."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g

@@ -13,7 +13,7 @@ from dsfab.core.errors import PatternError
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-_End = tuple[float, float]  # End of an interval: a factor, and the share of material that it gives minus the target.
+_End = tuple[float, float]  # End of an interval: a factor, and its share of material minus the target.
 Rule = Literal["plain", "constant", "graded", "stressed"]
 SOLID = 0.5  # Half width, in periods, at which neighbouring stripes touch.
 ROUNDS = (2, 60)  # Smallest and largest number of averagings.
@@ -27,12 +27,12 @@ class ShareJumpError(PatternError):
 
 @dataclass(frozen=True)
 class Widths:
-    """The rule for the half width d of stripes at every vertex.
+    """Rule for the half width d of stripes at every vertex.
 
     rule      : "plain"     d = (1 - threshold) / 4, as in the paper;
-                "constant"  d = |grad z| member / 2: the same width in metres, also where a mode is flat;
+                "constant"  d = |grad z| member / 2: the same width in metres;
                 "graded"    d proportional to (1 - threshold) |stress|^q, the stress along the stripes of the family;
-                "stressed"  begins as "graded", then widens where the cut sheet has most energy, see `evened_grading`.
+                "stressed"  begins as "graded", then widens where the cut sheet has most energy.
     member    : metres, for "constant".    q : 0 to 4, for "graded" and the beginning of "stressed".
     min_width, max_width : bounds on the width under any rule, metres; 0 for none.
     min_gap   : metres; narrower gaps between stripes become material; 0 for none.
@@ -97,9 +97,9 @@ def vertex_means(surface: Surface, x: Floats) -> Floats:
 
 def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
-    The mean gradient itself is zero on ridges of z, and would open a slit along the middle of a member. The mean of
-    |grad z| over a disc of radius R is about R z'' / 2 on a ridge, so members keep a width there. The disc has
-    `radius` (m), half the width of a member. With under two rings of faces, members would be ragged."""
+    The mean gradient itself is zero on ridges of z, and would open a slit along the middle of a member.
+    radius : of the disc for the mean, metres: half the width of a member. The mean includes at least two rings of
+             faces."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 
@@ -109,7 +109,7 @@ def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
     Each mean includes at least two rings of faces, and never faces across a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
-    # variances: h^2 / 3 for an averaging on a regular mesh of width h; R^2 / 4 for a disc
+    # an averaging has the variance h^2 / 3 (mesh width h), a disc R^2 / 4
     for _ in range(int(np.clip(0.75 * (radius / surface.mean_edge) ** 2, *ROUNDS))):
         means = average @ means[surface.F].mean(axis=1)
     return np.asarray(means)
@@ -143,14 +143,14 @@ def solved_factor(
 ) -> float:
     """Return the factor at which the increasing function share(factor) is `target`, with an error of `tolerance`.
 
-    slope    : approximate derivative of `share`, if the factor may be about 1. Then the search begins with 1 and one
-               step of Newton's method; 0 for no such start.
-    near_one : True if the factor is certainly about 1: more secant steps follow.
+    slope    : approximate derivative of `share`, if the factor may be about 1; 0 otherwise. The search then begins with
+               1 and a step of Newton's method.
+    near_one : True if the factor is certainly about 1. Then more secant steps follow.
     jump     : accepted error if `share` jumps past the target.
     steepest : largest growth of a share without jumps, for a relative change of the factor.
 
-    The method is regula falsi on an interval around the solution, with the Illinois rule [Dowell, Jarratt 1971]: if an
-    end stays twice, its value is halved. Raises PatternError if no factor exists, and ShareJumpError at a jump."""
+    The method is regula falsi with the Illinois rule [Dowell, Jarratt 1971]. Raises PatternError if no factor exists,
+    and ShareJumpError at a jump."""
 
     @cache
     def evaluate(factor: float) -> _End:
@@ -183,7 +183,7 @@ def solved_factor(
 def _secant_interval(
     evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
 ) -> tuple[_End, _End] | None:
-    """Search with secants from 1; return an interval around the solution, the solution as both its ends, or None."""
+    """Search with secants from 1. Return an interval around the solution, the solution as both its ends, or None."""
     end = evaluate(1.0)
     for _ in range(5 if near_one else 1):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
@@ -196,7 +196,7 @@ def _secant_interval(
 
 
 def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
-    """Return an interval around the solution, or the solution as both its ends; the factors are 0, 1, 4, 16 ..."""
+    """Return an interval around the solution, or the solution as both its ends. The factors are 0, 1, 4, 16 ..."""
     start = evaluate(1.0)
     if _miss(start) <= tolerance:
         return start, start
@@ -234,8 +234,8 @@ def evened_grading(
     limit    : largest factor of a step.
 
     Widths grow with the square root of the energy density, because under a fixed force the density falls with the
-    square of the width. Forces then change their paths, so several steps are needed. Widths stay where material is
-    missing. The geometric mean of the densities stays, so that an evenly stressed sheet is unchanged."""
+    square of the width. Forces then change their paths, so several steps are needed. Widths stay in faces without
+    material, and on an evenly stressed sheet."""
     densities = np.concatenate([work, material], axis=1) / surface.areas[:, None]
     mean_work, share = np.split(spread_means(surface, densities, 0.4 * spacing), 2, axis=1)
     has_material = (share > 1e-9) & (mean_work > 0)

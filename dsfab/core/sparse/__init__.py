@@ -3,12 +3,11 @@
 `factorise` takes the first of these solvers that it can use:
 
 1. PARDISO (extra `fast`) is the fastest solver and uses all cores.
-2. Multifrontal Cholesky uses scipy's BLAS. On one core it takes about PARDISO's time, a quarter of SuperLU's. It needs
-   less memory than SuperLU, which stores L and U. It works on every machine with scipy.
+2. Multifrontal Cholesky uses scipy's BLAS. It works on every machine with scipy.
 3. Multigrid (extra `amg`) is used if the factor would exceed the free memory. It needs three unknowns per point and
    the rigid motions. It is slower, and each solve checks its true residual.
 
-SuperLU is only used if a caller requests it: it is fastest for one right-hand side and one unknown per point."""
+SuperLU is only used if a caller requests it. It is fastest for one right-hand side and one unknown per point."""
 
 import importlib.util
 from collections.abc import Callable
@@ -51,8 +50,7 @@ def factorise(
 
     K is symmetric, or Hermitian for PARDISO and the multifrontal factor.
 
-    K      : the matrix, or a function that builds it. With a function, PARDISO stores only the upper triangle during
-             the factorisation, when it needs most memory.
+    K      : the matrix, or a function that builds it. A function saves memory with PARDISO.
     points : (n, 3) positions, which only determine the order of elimination.
     node   : (N,) the point of each unknown; default: unknown i is on point i.
     solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; default: the first usable solver of the list above.
@@ -71,10 +69,9 @@ def factorise(
 
 
 class SamePatternFactors:
-    """Factors of several matrices with one pattern, which dsfab analyses only once.
+    """Factors of several matrices with one pattern, which is analysed only once.
     points, node : see `factorise`.
-    many_solves  : True for many solves with each factor. Then PARDISO does not treat points with two unknowns as
-                   blocks: solves take 75 % of the time, factorisations 83 %."""
+    many_solves  : True for many solves with each factor. Solves with PARDISO are then faster, factorisations slower."""
 
     def __init__(self, points: Floats, node: Ints | None = None, many_solves: bool = False) -> None:
         self._points, self._node, self._many_solves = points, node, many_solves

@@ -1,8 +1,7 @@
 """Multifrontal Cholesky factorisation: nested dissection, memory and BLAS threads.
 
-The unknowns of a part of the mesh form a dense matrix, the front. Its elimination leaves an update matrix, which the
-solver adds to the front of a later separator. `dissection_keys` chooses parts, `Fronts` analyses the pattern,
-`Multifrontal` computes."""
+The unknowns of a part of the mesh form a dense matrix, the front. The elimination of a front leaves an update matrix.
+The solver adds this matrix to the front of a later separator."""
 
 import ctypes
 import os
@@ -72,17 +71,13 @@ def require_memory(needed: int) -> None:
 
 
 LITTLE = 20e6
-"""`release_freed_memory` does nothing up to this number of freed bytes. In a long-running process it takes up to 20 ms,
-as long as all other work on a thousand unknowns."""
+"""Largest number of freed bytes for which `release_freed_memory` does nothing, because a call takes up to 20 ms."""
 
 
 def release_freed_memory(freed: float) -> None:
     """Return freed memory to the system, because glibc keeps it while small blocks above it are in use.
 
-    Without this function, glibc keeps 60 MB after the analysis of 90,000 unknowns, and 170 MB after the release of
-    their factor. The function takes 10 ms for 100 MB, and does nothing on systems without glibc.
-
-    freed : approximate number of freed bytes; the function does nothing up to `LITTLE`."""
+    freed : approximate number of freed bytes. Up to `LITTLE`, and without glibc, the function does nothing."""
     if freed > LITTLE and (trim := _malloc_trim()):
         trim(0)
 
@@ -102,22 +97,22 @@ def _pools() -> Any:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Limit BLAS to one thread: on vectors and small fronts, more threads cost up to ten times what they save.
+    """Limit BLAS to one thread, because on vectors and small fronts more threads are slower.
     The number of threads belongs to the whole process, so other Python threads wait."""
     with _BLAS_LOCK, _pools().limit(limits=1, user_api="blas"):
         yield
 
 
 def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, leaf: int = 192) -> Ints:
-    """Return the sort keys (n,) of a nested dissection of n points; all points of a part or separator have equal keys.
+    """Return the sort keys (n,) of a nested dissection of n points. All points of a part or separator have equal keys.
 
     graph    : pairs of different points that the matrix couples, each pair in both directions.
     unknowns : number of unknowns of all points together.
-    leaf     : parts with at most this many unknowns are not divided; BLAS is fastest on fronts of 100 to 200 unknowns.
+    leaf     : largest number of unknowns of a part that is not divided.
 
     The method halves each part at the median of its longest axis. The separator is the smaller of two sets: the points
-    of one half that touch the other half. It is eliminated after both halves. Each level adds one base-4 digit (0
-    lower half, 1 upper half, 2 separator), so the order of the keys is the order of elimination."""
+    of one half that touch the other half. The separator is eliminated after both halves. Each level adds one base-4
+    digit: 0 lower half, 1 upper half, 2 separator. So the keys are in the order of elimination."""
     i, j = graph
     n = len(points)
     key, part, alive = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64), np.ones(n, dtype=bool)
@@ -172,7 +167,7 @@ def morton_positions(points: Floats) -> Ints:
     return number
 
 
-Index = npt.NDArray[np.integer[Any]]  # Integers, one for every entry of a matrix, so of 4 bytes if possible.
+Index = npt.NDArray[np.integer[Any]]  # Integers for the entries of a matrix, of 4 bytes if possible.
 Numbers = npt.NDArray[Any]  # Real or complex array.
 
 
@@ -183,12 +178,12 @@ class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgErr
 @dataclass(frozen=True, eq=False)
 class Fronts:
     """Analysis of the pattern of a matrix for its factor, independent of its values.
-    order    : (N,) unknowns in the order of elimination; all other fields number unknowns in this order.
+    order    : (N,) unknowns in the order of elimination. All other fields number unknowns in this order.
     start    : (fronts + 1,) front s eliminates the unknowns start[s], ..., start[s + 1] - 1.
     rows     : for each front, the later unknowns that it changes, ascending.
     children : for each front, the earlier fronts that add to it.
     entry    : positions of the lower triangle's values in K.data, column by column.
-    row, column : indices of each of these entries.     pointer : (N + 1,) first entry of each column."""
+    row, column : indices of each of these entries.    pointer : (N + 1,) first entry of each column."""
 
     order: Ints
     start: Ints
@@ -205,7 +200,7 @@ class Fronts:
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # in this order, a child's unknowns form few rows of neighbours, which are fast to add
+        # neighbouring unknowns of a child are fast to add
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
@@ -238,7 +233,7 @@ class Fronts:
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
     """Return the later points that each front changes (with fill), and the children of each front.
-    row, column : points of every entry below the diagonal.   front_start : (fronts + 1,) first point of each front."""
+    row, column : points of every entry below the diagonal.    front_start : (fronts + 1,) first point of each front."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))
     outside = front[row] != front[column]
@@ -310,7 +305,7 @@ class Multifrontal:
 
 def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: Ints) -> None:
     """Add a child's update (c, c), upper triangle, to the rows and columns `positions` (c,) of the parent's front.
-    Neighbouring columns are added together, which is several times faster than column by column."""
+    Neighbouring columns are added together, which is faster."""
     k = len(pivot_rows)
     inner = int(np.searchsorted(positions, k))
     ends = np.flatnonzero((np.diff(positions) != 1) | (positions[1:] == k)) + 1

@@ -33,7 +33,7 @@ class SuperLU:
     """Factor of a symmetric positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
 
     order    : (N,) elimination order, from another matrix of the same pattern.
-    definite : True if K is certainly positive definite. This saves the check of the pivots, a tenth of the time.
+    definite : True if K is certainly positive definite. This saves the check of the pivots.
 
     Raises NotPositiveDefinite for a pivot that is not positive."""
 
@@ -48,7 +48,7 @@ class SuperLU:
         """Factorise the values of K (n, n) in the same order of elimination."""
         permuted = csc_array(K[self.order][:, self.order])
         try:
-            # with one unknown per point, panels of 4 columns are 10 % faster than SuperLU's default
+            # panels of 4 columns are 10 % faster than the default
             self._lu = splu(permuted, "NATURAL", diag_pivot_thresh=0.0, panel_size=4, options=SUPERLU_OPTIONS)
         except RuntimeError as error:  # "Factor is exactly singular"
             raise NotPositiveDefinite(str(error)) from error
@@ -63,8 +63,7 @@ class SuperLU:
 
 def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
     """Return the order (N,) for the elimination of the unknowns of K (N, N), by nested dissection of their points.
-    The points of a part follow a space-filling curve. Parts are small, because SuperLU forms its own dense blocks; so
-    the factor has 20 % fewer entries."""
+    The points of a part follow a space-filling curve. Parts are small, because SuperLU forms its own dense blocks."""
     used, node = np.unique(node, return_inverse=True)
     points = points[used]
     keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)
@@ -76,19 +75,16 @@ def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
 ANALYSE, FACTORISE, SOLVE = 11, 22, 33  # PARDISO's numbers for its phases.
 SYMMETRIC, HERMITIAN = 2, 4  # PARDISO's numbers for kinds of positive definite matrices.
 PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
-"""Entries of PARDISO's `iparm`, counted from 0.
+"""Entries of PARDISO's `iparm`, counted from 0. All other entries are 0.
 In this order, the entries select: values from the user; nested dissection by METIS; pivots for symmetric matrices; a
-count of the factor's entries; the two-level factorisation. With one unknown per point, a two-level factor solves in 40
-% of the time; with three unknowns nothing changes. All other entries are 0. Entry 7 would refine each solution and
-triple its time. A caller that needs more digits refines in longer numbers."""
+count of the factor's entries; the two-level factorisation, which makes solves faster."""
 BLOCKS = {36: -100}
 """Additional entry for points with several unknowns: PARDISO analyses rows with equal columns as one row.
-With three unknowns per point, the analysis takes a third of memory and time, and the factorisation a bit longer."""
+The analysis then takes a third of the memory and the time."""
 ALONE = 12_000
-"""PARDISO uses one thread up to this number of unknowns. With two threads, solves of 10,000 unknowns took twice the
-time and three times the processor time, and factorisations were no faster. One thread also gives equal results on any
-number of cores."""
-OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory; all other codes mean a pivot that is not positive.
+"""Largest number of unknowns for which PARDISO uses one thread.
+More threads are slower for such matrices. One thread also gives equal results on any number of cores."""
+OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory. Other codes mean a pivot that is not positive.
 Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds a matrix.
 
 
@@ -175,7 +171,7 @@ class Pardiso:
         from pypardiso.pardiso_wrapper import PyPardisoError
 
         self._solver.set_phase(phase)
-        # with more or fewer threads than the factorisation, a two-level factor gives a wrong solution
+        # a two-level factor needs the same number of threads as its factorisation
         before = self._solver.libmkl.MKL_Set_Num_Threads_Local(self._threads)
         try:
             x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` is slower: it hashes the matrix
@@ -207,7 +203,7 @@ def _release(solver: Any) -> None:
         solver.free_memory(everything=True)
 
 
-ITERATIONS = 1000  # Most steps of the multigrid solver, so that a failed solve ends; irregular sheets take hundreds.
+ITERATIONS = 1000  # Maximum number of steps of the multigrid solver.
 
 
 class ConvergenceError(DsfabError, ArithmeticError):
@@ -222,11 +218,11 @@ def has_pyamg() -> bool:
 class Multigrid:
     """Solver for the stiffness of thin sheets with up to three unknowns per point; a call with b returns K^-1 b.
 
-    The method is smoothed aggregation [Vanek, Mandel and Brezina 1996]. It uses blocks of three unknowns per point,
-    the rigid motions, strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. With other choices,
-    the iteration needs hundreds of steps or diverges on irregular sheets. So each solve checks the true residual.
+    The method is smoothed aggregation [Vanek, Mandel and Brezina 1996]. It uses blocks of three unknowns per point, the
+    rigid motions, strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. With other choices, the
+    iteration diverges on some irregular sheets. So each solve checks the true residual.
 
-    rigid : (N, 6) the rigid motions in the unknowns of K; away from supports, K times these is nearly zero.
+    rigid : (N, 6) rigid motions in the unknowns of K. K times these motions is nearly zero away from supports.
 
     Raises ConvergenceError for a solve whose true relative residual exceeds 1e-9."""
 

@@ -10,17 +10,16 @@ from numpy.typing import NDArray
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.topology import half_edges
 
-CHUNK = 1 << 13  # Number of polygons that are measured together, so that they fit the processor's cache.
+CHUNK = 1 << 13  # Number of polygons in a batch. A batch fits the processor's cache.
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Polygons in one flat array: polygon i has the corners corner[start[i]], ..., corner[start[i + 1] - 1].
+    """Polygons in one flat array. Polygon i has the corners corner[start[i]], ..., corner[start[i + 1] - 1].
 
-    start    : (c + 1,).    corner : (h,) vertices.
-    sides_on : (h,) row of `CutLines` for the line of each side; 0 for no line; during a split, -1 - l for level l.
-
-    A slot is an index into `corner`. Each slot also names the side from its corner to the polygon's next corner."""
+    start    : (c + 1,) index of each polygon's first corner, and the total number h of corners.
+    corner   : (h,) vertices. An index into `corner` is called a slot.
+    sides_on : (h,) row of `CutLines` for the side that begins at each slot; 0: no line; -1 - l: level l of a split."""
 
     start: Ints
     corner: Ints
@@ -137,11 +136,10 @@ LARGEST = 9
 
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
-    """Divide convex polygons into triangles (m, 3); return also the polygon (m,) that contains each, ascending.
+    """Divide convex polygons into triangles (m, 3); return also the polygon (m,) of each triangle, ascending.
 
-    X : (n, 3) positions.
-    The triangles have the orientation of the polygons. Polygons must have an area, but may have corners of 180
-    degrees. Then every triangle has an area, and neighbouring polygons have common sides."""
+    X : (n, 3) positions. Polygons must have an area, but may have corners of 180 degrees.
+    Every triangle has an area, and the orientation of its polygon. Every side of a polygon is a side of a triangle."""
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
     for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
         which = np.flatnonzero(cells.sizes == size)
@@ -174,10 +172,10 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    r"""Return the triangles of polygons (g, size) whose worst shape is best, and the polygon's row of each triangle.
+    r"""Return triangles of polygons (g, size) with the best worst shape, and each triangle's row of `polygons`.
 
-      k      rating[i, j] = max over k of min(rating[i, k], rating[k, j], quality(i, k, j)) is the worst
-     / \\     shape in the best triangulation of the corners i, i + 1, ..., j.
+      k      rating[i, j] is the worst shape in the best triangulation of the corners i, ..., j:
+     / \     the maximum over k of min(rating[i, k], rating[k, j], quality(i, k, j)).
     i---j"""
     g, size = polygons.shape
     if size == 3:
@@ -233,7 +231,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 SNAP_FLOOR = 1e-9
 """Smallest snap fraction; it applies even at snap = 0."""
-TIP = 1e-3  # Largest snap fraction for one edge of a stripe alone; so both edges meet at the stripe's tip.
+TIP = 1e-3  # Largest snap fraction if only one edge of a stripe moves.
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
@@ -247,9 +245,11 @@ def nearest_levels(x: Floats, levels: Floats) -> Floats:
 def snap_values(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
-    """Move values x (n,) onto levels (k,) nearby: within `fraction` of the largest change of x on the vertex's edges.
+    """Move values x (n,) onto levels (k,) nearby.
 
-    sides : both vertices of each edge.    difference : change of x over each edge.    free : (n,) mask of movable x."""
+    A value moves by at most `fraction` of the largest change of x on the edges at its vertex.
+    sides : both vertices of each edge.    difference : change of x on each edge.    free : (n,) mask of movable values.
+    """
     level = nearest_levels(x, levels)
     gap = np.abs(x - level)
     may_snap = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
@@ -261,10 +261,10 @@ def snap_values(
 
 
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
-    """Move each pair of values x (n, 2) so that the value nearer to a level (k,) lies on it; return the pairs.
+    """Move pairs of values x (n, 2) so that the value nearer to a level (k,) lies on this level; return all pairs.
 
-    reach : (n, 2) largest change of each value over the edges at a vertex. Pairs move by up to `fraction` of it.
-    Both values move by the same step, so a stripe keeps its width. But no value moves across a level."""
+    Both values of a pair move by the same step, but not across a level.
+    reach : (n, 2) largest change of each value on the edges at a vertex. A pair moves by at most `fraction` of it."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
@@ -283,9 +283,9 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
 
 
 def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
-    """Return masks (c,) of the polygons inside stripes, and of those outside: no edge of a stripe crosses them.
+    """Return masks (c,) of the polygons wholly inside stripes, and of those wholly outside stripes.
 
-    y : (h, 2) both values of the stripes at each slot."""
+    y : (h, 2) both values of the field at each slot."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
     within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])

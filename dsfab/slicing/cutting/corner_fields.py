@@ -25,8 +25,9 @@ from dsfab.surface.fields import CornerField
 class PolygonField:
     """A corner field on the vertices of a mesh of polygons.
 
-    lead : (n',) one face at each vertex.    values : (n', 1 or 2) at the vertices, as this face sees the field.
-    sign, shift : (h,) a slot's own face sees sign * value + shift.    blank : (h,) True for slots without a value."""
+    lead   : (n',) one face at each vertex.    values : (n', 1 or 2) of the field at the vertices, in these faces.
+    sign, shift : (h,) the face of a slot sees sign * value + shift.
+    blank  : (h,) True for slots without a value."""
 
     mesh: PolygonMesh
     field: CornerField
@@ -113,9 +114,9 @@ class PolygonField:
         )
 
     def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
-        """Return the field after polygons were split along levels of its upper (0) or lower (1) side.
+        """Return the field after a split of the polygons along levels of its upper (0) or lower (1) side.
 
-        lines : (l, 1) the line of each level.    New vertices get exactly the value of their level."""
+        lines : (l, 1) the line of each level."""
         mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
         cut = self.slot_values(side)
         up = cut[split.side] < cut[following[split.side]]
@@ -154,13 +155,12 @@ class PolygonField:
 def corner_band(
     mesh: PolygonMesh, field: CornerField, levels: Floats, snaps: tuple[float, float], size: float, edges: Ints
 ) -> tuple[PolygonMesh, Bools]:
-    """Cut the void polygons along the stripes of a corner field; return also a mask (c',) of new material.
+    """Cut the void polygons along the stripes of a corner field; return also a mask (c',) of the new material.
 
     snaps : snap fractions of whole stripes (see `cut`) and of tips (see `TIP`).    size : of the surface, metres.
     edges : (l, 2) row of `CutLines` for each level of the upper and of the lower field.
 
-    Across some mesh edges the field changes its sign: the upper edge of a stripe continues as its lower edge. Such
-    mesh edges first get vertices at the levels of both fields. So the polygons on both sides have the same vertices."""
+    If the field changes its sign across a mesh edge, this edge first gets vertices at the levels of both fields."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -211,10 +211,11 @@ def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class StripeCut:
-    """A corner field during a cut, which divides the `active` (c,) polygons; `solid` (c,) lie inside stripes.
+    """A corner field during a cut.
 
-    seen   : the field.    tip : see `TIP`.    edges : (l, 2) see `corner_band`.
-    source : (c,) number that each polygon had before the last split."""
+    seen   : the field.    tip : see `TIP`.    size : of the surface, metres.
+    active : (c,) mask of polygons to cut.    solid : (c,) mask of polygons inside stripes.
+    source : (c,) number of each polygon before the last split.    edges : (l, 2) see `corner_band`."""
 
     seen: PolygonField
     levels: Floats
@@ -268,9 +269,9 @@ class StripeCut:
         return state._after_split(split, side)
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
-        """Cut the active polygons along levels of the upper (0) or lower (1) field; return also strips (c',).
+        """Cut the active polygons along levels of the upper (0) or lower (1) field; return also their strips (c',).
 
-        Strip j has j levels below it. above : True puts a polygon that lies on a level into the strip above."""
+        Strip j has j levels below it.    above : True puts a polygon on a level into the strip above."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh

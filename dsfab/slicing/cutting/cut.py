@@ -26,29 +26,29 @@ from dsfab.surface import Surface, corners_of, faces_at
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from dsfab.surface.mesh import ZERO_AREA
 
-LEVEL_GAP = 1e-6  # Levels count as equal if they differ by less than this fraction of the field's range.
+LEVEL_GAP = 1e-6  # Levels nearer than this fraction of the field's range are equal.
 
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""Marks material (c,) that later fields shall divide, too. Arguments: the polygons, the number of the last field, and
-a mask (m,) of the blank faces of this field and of the faces beside them."""
+"""Function that returns a mask (c,) of the material that later fields divide, too.
+Arguments: the polygons; the number of the last field; a mask (m,) of its blank faces and of the faces beside them."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
     """Cut a surface along the levels of several fields; return a sheet of all cells, material and void.
 
-    fields : values (n,) on the vertices, linear on each face, in any unit. Stripes of variable width need values (n,
-             2): z + d and z - d, with levels at the middles of the stripes. The values of a `CornerField` may differ
-             between the faces at a vertex. A `DividedField` is linear on parts of faces. All divided fields must share
-             one division, and must come before any `CornerField`.
+    fields : for each field, values (n,) on the vertices, in any unit. Values are linear on each face.
+             Stripes of variable width need values (n, 2): z + d and z - d. Their levels are the middles of stripes.
+             A field may also be a `CornerField` or a `DividedField`. All divided fields must share one division, and
+             must come before any `CornerField`.
     levels : ascending values for each field. Strip j of a field has j levels below it, and odd strips are material.
              Two equal levels (see `LEVEL_GAP`) are left out. With values (n, 2), material has |z - level| < d.
-    snap   : 0 to 0.4. A value at a vertex first moves onto a level that is nearer than this fraction of the largest
-             range over the vertex's edges. This avoids slivers, and moves a line by at most this fraction of an edge.
-             Use 0 for exact areas; even then, values within `SNAP_FLOOR` and at corners of cells without area move.
+    snap   : 0 to 0.4, a fraction of the largest range of values on the edges at a vertex. A value within this distance
+             of a level moves onto it. This avoids very thin triangles, and moves a line by at most this fraction of an
+             edge. Use 0 for exact areas. Values within `SNAP_FLOOR`, and at cells without area, always move.
 
-    A cell is material if any field makes it material. Later fields do not cut the material of earlier fields. A face
-    that lies wholly on a level is void. The cells are in the order of their parent faces. The first n vertices are the
+    A cell is material if any field makes it material. Later fields do not cut the material of earlier fields.
+    A face wholly on a level is void. The cells are in the order of their parent faces. The first n vertices are the
     vertices of the surface.
 
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells without area.
@@ -69,9 +69,9 @@ def cut_polygons(
     snap: float = 0.05,
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
-    """Cut a surface as `cut` does; return the polygons before they are divided into triangles.
+    """Cut a surface as `cut` does; return the polygons before their division into triangles.
 
-    mesh : void polygons to cut, which may have lines of an earlier cut; default: the faces of the surface."""
+    mesh : void polygons to cut; default: the faces of the surface."""
     return polygons_along(surface, fields, *checked_lines(surface, fields, levels), snap, mesh=mesh)
 
 
@@ -135,7 +135,7 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split void polygons by a field x (n',) or (n', 2); return the splits, and a mask (c',) of the new material.
+    """Split void polygons by a field x (n',) or (n', 2); return the splits, and a mask (c',) of new material.
 
     edges : (l, 1 or 2) row of `CutLines` for each level."""
     if x.ndim == 2:
@@ -149,9 +149,9 @@ def _band(
 ) -> tuple[list[Split], Bools]:
     """Split the void cells by x[:, 0], then by x[:, 1]; return both splits, and a mask of the material cells.
 
-        x[:, 0] = level . ' material        Cells wholly inside or outside stripes are not cut.
-    . '        ' .                          At the tip of a stripe, the second split uses the vertex
-      void         x[:, 1] = level          of the first split, so both edges meet."""
+        x[:, 0] = level . ' material
+    . '        ' .                       The second split uses the vertices of the first split.
+      void         x[:, 1] = level       So both edges of a stripe meet at its tip."""
     cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
@@ -170,9 +170,9 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
-    """Divide polygons into triangles; return them, the polygon (m',) of each, ascending, and their `sides_on` (m', 3).
+    """Divide polygons into triangles; return also the polygon (m',) of each triangle, and `sides_on` (m', 3).
 
-    parent : (c,) faces. Raises PatternError for triangles without area, and names their parent faces."""
+    parent : (c,) uncut face of each polygon. Raises PatternError for triangles without area."""
     F, cell = triangulate(cells, X)
     try:
         return Surface(X, F), cell, cells.triangle_sides(F, cell)
@@ -181,7 +181,7 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
         bad = np.flatnonzero(areas <= ZERO_AREA * np.sum(np.ptp(X, axis=0) ** 2))
         raise PatternError(
             f"{len(bad)} of {len(F)} cells have no area (in faces {first_few(np.unique(parent[cell[bad]]))}); "
-            "raise snap or the pinch radius, or remesh these faces if they are slivers themselves"
+            "raise snap or the pinch radius, or remesh these faces if they are very thin"
         ) from refused
 
 
@@ -208,8 +208,10 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """Return distinct levels. For a field (n,), an odd number of equal levels leaves one level, an even number none.
-    For a field (n, 2), equal levels always leave one level."""
+    """Return the distinct levels of field k.
+
+    Equal levels of a field (n,) leave one level if their number is odd, and none if it is even. Equal levels of a field
+    (n, 2) leave one level."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
@@ -223,9 +225,9 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 
 def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
-    """Return cells (k,) of a sheet, and their neighbours, as polygons to cut; and the cell (c,) of each.
+    """Return cells (k,) of a sheet and their neighbours as polygons to cut, and the cell (c,) of each polygon.
 
-    Cells are ascending. A neighbour gets the new vertices on common edges. Vertices keep their order."""
+    cells : ascending. Their neighbours get the new vertices on common edges. Vertices keep their order."""
     surface = sheet.surface
     selected = np.zeros(surface.m, dtype=bool)
     selected[cells] = True

@@ -1,8 +1,7 @@
-"""Halving: where lines of two families come too close together, only each second or fourth line remains.
+"""Halving: where lines of a family lie too close together, only each second or fourth line remains.
 
-At halving level h, line k remains if k is a multiple of 2^h. A line may end only on a line of the other family, so the
-level is constant in each opening. The first family is halved in the openings between lines that always remain. Then
-the second family is halved in the openings between these lines and the remaining lines of the first family."""
+At halving level h, line k remains if k is a multiple of 2^h. A line may end only on a line of the other family.
+So the level is constant in each opening. The second family is halved in the openings that the first family leaves."""
 
 from dataclasses import dataclass, replace
 
@@ -17,16 +16,16 @@ from dsfab.surface.topology import link_components
 
 GAIN = 0.45
 """Minimum fall of log2(P95 / P5) of the spacings that justifies a halving beyond the limits.
-Stress makes lines crowd; structures are up to a tenth softer without these lines."""
+Structures without these lines are up to a tenth softer."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineHalving:
-    """Polygons between lines after halving, and the number of halvings in each polygon.
+    """Polygons between the lines that remain after halving.
 
     mesh   : the polygons.    level : (c, 2) number of halvings of each family in each polygon.
     phases : both fields, with values moved onto whole numbers nearby.
-    first  : the family that was halved first; lines of the other family may end on its lines."""
+    first  : the family that was halved first. Lines of the other family may end on its lines."""
 
     mesh: PolygonMesh
     level: Ints
@@ -53,11 +52,11 @@ def halve_lines(
     level_limits: tuple[int, int],
     uncapped_target: tuple[Floats, Floats] | None = None,
 ) -> LineHalving:
-    """Halve two families of lines, which lie where their phase (n, 1) is a whole number.
+    """Halve two families of lines. A line lies where the phase (n, 1) of its family is a whole number.
 
-    target          : (m,) ideal number of halvings, for each family; an opening takes the mean, see `split_value`.
-    level_limits    : largest number of halvings of each family. Lines at multiples of 2^limit always remain.
-    uncapped_target : (m,) targets without limits; used if they make spacings more even by `GAIN`."""
+    target          : (m,) ideal number of halvings, for each family. An opening takes the mean, see `split_value`.
+    level_limits    : largest number of halvings of each family.
+    uncapped_target : (m,) targets without limits, used if they make spacings more even by `GAIN`."""
     mesh, uncapped_target = PolygonMesh.from_surface(surface), uncapped_target or target
     level = np.zeros((surface.m, 2), dtype=np.int64)
     if not any(level_limits):
@@ -112,10 +111,10 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """Return a mask (p,) of inner edges on remaining lines, whose numbers are multiples of a polygon's `period` (c,).
+    """Return a mask (p,) of the inner edges that lie on remaining lines or beside blank faces.
 
-    An edge lies on a line if its polygons are in different strips for the smaller of both periods. Strips are compared
-    by their middles, because sign and shift do not round these. All sides of blank faces are walls."""
+    period : (c,) remaining lines have multiples of this number. The smaller period of both polygons counts.
+    Strips are compared by their middles, because the middles have no rounding errors."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
     y = seen.slot_values(0)
@@ -129,10 +128,10 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
-    """Return the halvings (c,) of each polygon: the mean target in its opening, rounded down, up to `level_limit`.
+    """Return the number of halvings (c,) of each polygon, up to `level_limit`.
 
-    Uncapped targets are used if they make spacings more even by `GAIN`. For example, with targets 2 and 0.4 and the
-    limit 1, an opening is halved once. Targets capped at 1 would have too small a mean."""
+    It is the mean target in the polygon's opening, rounded down with `split_value`. Uncapped targets are used if they
+    make spacings more even by `GAIN`."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
     count, opening = link_components(len(mesh.parent), owner[slot_a[open_]], owner[slot_b[open_]])

@@ -19,14 +19,15 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class PolygonMesh:
-    """Polygons on vertices X (n', 3), metres, with the parent face and the family (c,) of each.
+    """Convex polygons on vertices X (n', 3), metres.
 
-    F       : (m, 3) the faces of the uncut surface.
+    F       : (m, 3) faces of the uncut surface.
     weights : (n', n) barycentric weights of the vertices on the uncut vertices.
-    again   : (c,) material that later fields divide, too.
+    parent  : (c,) uncut face of each polygon.    family : (c,) field that made a polygon material, or `VOID`.
+    again   : (c,) mask of material that later fields divide, too.
     also    : (c,) at a crossing, the second family that makes a polygon material; else `VOID`.
-    stubs   : number of removed and straightened stripes, see `Sheet`.
-    lines   : the lines that sides of polygons lie on, see `Cells.sides_on`."""
+    stubs   : number of removed and straightened stripes.
+    lines   : lines of the polygons' sides, see `Cells.sides_on`."""
 
     F: Ints
     cells: Cells
@@ -103,8 +104,10 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """Three arrays (p,) for the inner edges: the slot of the edge in its first and in its second polygon; and the
-        second polygon's slot at the vertex where the first slot's side begins."""
+        """Slots (p,), (p,), (p,) of the inner edges.
+
+        The first two arrays are the slots of the edge in its first and in its second polygon. The first slot's side
+        begins at a vertex. The third array is the second polygon's slot at this vertex."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -113,7 +116,7 @@ class PolygonMesh:
 
     @cached_property
     def polygon_across(self) -> Ints:
-        """(h,) the polygon on the other side of each side, or -1."""
+        """(h,) the neighbouring polygon at each side, or -1."""
         slot_a, slot_b, _ = self.neighbours
         owner, polygon = self.cells.owner, np.full(len(self.cells.corner), -1)
         polygon[slot_a], polygon[slot_b] = owner[slot_b], owner[slot_a]
@@ -165,9 +168,8 @@ def weights_after_split(weights: csr_array, split: Split) -> csr_array:
 class Contacts:
     """Stretches (k,) of outline along which two parts (p,) touch.
 
-    parts  : (k, 2) both parts; the second is -1 for an edge of the surface or an anchor.    length : (k,) metres.
-    links  : (l, 2) consecutive stretches around a part. Each stretch i has two numbers here: i on its first part, and
-             i + k on its second part.
+    parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
+    links  : (l, 2) consecutive stretches around a part. Stretch i is i on its first part, and i + k on its second.
     around : (p,) length of each part's outline, metres."""
 
     parts: Ints
@@ -218,10 +220,9 @@ class Contacts:
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
     def dead_ends(self, gone: Bools) -> Bools:
-        """Return a mask (p,) of parts with only one contact, which takes less than half of their outline.
+        """Return a mask (p,) of the parts with one contact only, which is shorter than half of their outline.
 
-        Contacts are to parts or edges of the surface. Consecutive stretches are one contact: a stripe that ends in the
-        corner between two stripes has one contact. gone : (p,) removed parts."""
+        Consecutive stretches are one contact.    gone : (p,) mask of removed parts."""
         part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
         live[row] = True
@@ -238,9 +239,10 @@ class Contacts:
         return part[is_single], neighbour[is_single]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
-        """Return a mask (p,) of parts that lose all connections when more parts are removed.
+        """Return a mask (p,) of the parts that lose all connections when more parts are removed.
 
-        Connections are to an edge of the surface, an anchor or a part in `stays` (p,). before, gone : (p,) removed."""
+        Connections lead to an edge of the surface, to an anchor, or to a part in `stays` (p,).
+        before, gone : (p,) masks of the removed parts, before and after the removal."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:

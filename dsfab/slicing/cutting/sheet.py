@@ -32,7 +32,7 @@ class SheetPart:
     """A part of a cut surface, as a separate surface.
 
     cut_surface : all cells.    surface : the part.
-    cells, vertices : (f,), (k,) indices of the part's cells and vertices in `cut_surface`, ascending."""
+    cells, vertices : (f,), (k,) their numbers in `cut_surface`, ascending."""
 
     cut_surface: Surface
     surface: Surface
@@ -63,13 +63,13 @@ class SheetPart:
 class LineKind(IntEnum):
     """Kinds of lines that the sides of cells lie on."""
 
-    NONE = 0  # no line: the side lies between two cells of material, or between two void cells
+    NONE = 0  # no line: the side lies inside the material or inside the void
     RIM = 1  # the boundary of the uncut surface
-    END = 2  # edges of the uncut mesh where stripes end, because the face beyond has no phase
-    LEVEL = 3  # a level of a field: an edge of a stripe, or the outline of a kept region
+    END = 2  # edges of the uncut mesh where stripes end beside a face without a phase
+    LEVEL = 3  # an edge of a stripe, or the outline of a kept region
     FILLET = 4  # the chords of a round corner
-    STRIP = 5  # the outline of a bridge, of a straightened bar, or of a strip that widens a member
-    DISC = 6  # the outline of discs of material, which join cells that met at a point only
+    STRIP = 5  # the outline of a bridge, a straightened bar or a widening strip
+    DISC = 6  # the outline of discs of material at point contacts
     CHORD = 7  # straight lines along which spikes were cut off
 
 
@@ -78,9 +78,9 @@ class CutLines:
     """Lines that the sides of cells lie on. The first three are `NONE`, `RIM` and `END`.
 
     kind   : (l,) the `LineKind` of each line.
-    field  : (l,) index of the field, for lines of kind LEVEL; -1 for other kinds.
-    number : (l,) 2 j for the lower and 2 j + 1 for the upper edge of stripe j, in the numbering of the cell's face;
-             for other kinds, the index among the lines of the kind.
+    field  : (l,) index of the field for kind LEVEL; -1 for other kinds.
+    number : (l,) for kind LEVEL, 2 j for the lower and 2 j + 1 for the upper edge of stripe j. For other kinds, the
+             number among the lines of this kind.
     circle : (l, 7) centre, unit axis and radius of a fillet, metres; 0 for other kinds."""
 
     kind: Ints
@@ -108,16 +108,14 @@ class CutLines:
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A cut surface with n' vertices and m' triangles (cells), each inside one face of the uncut surface (n, m).
+    """A cut surface with n' vertices and m' triangles (cells). Each cell lies in one face of the uncut surface (n, m).
 
-    surface : the cells, with the orientation of their parent faces.
-    parent  : (m',) face of the uncut surface that contains a cell.
-    family  : (m',) index of the field that made the cell material; `VOID` (-1) for void cells.
-    weights : (n', n) barycentric weights of the vertices on the uncut surface's vertices. They are not negative. Each
-              row has at most three weights, with sum 1. A vertex of the uncut surface has the weight 1 on itself.
-    stubs   : number of places where the cut removed or straightened stripes beyond their last crossings.
-    sides_on : (m', 3) row of `lines` for each half-edge. In a sheet with void cells, sometimes only one of both
-               half-edges of an edge has the line. In a sheet of material only, exactly the outline has lines:
+    surface  : the cells, with the orientation of their parent faces.
+    parent   : (m',) uncut face that contains each cell.
+    family   : (m',) index of the field that made a cell material; `VOID` (-1) for void cells.
+    weights  : (n', n) barycentric weights of the vertices on the uncut vertices, up to three in each row.
+    stubs    : number of places where stripes were removed or straightened.
+    sides_on : (m', 3) row of `lines` for each half-edge. If all cells are material, exactly the outline has lines:
 
                    3
                +-------+.  5               1    : the rim, where a stripe ends at the boundary of the surface
@@ -201,8 +199,7 @@ class Sheet:
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
         """Interpolate values x (m, 3, k) at the corners of uncut faces F (m, 3); return (n', k) at the vertices.
 
-        Each vertex takes the values of one face, the parent of its first cell. A second face may be reversed and see
-        vectors from its back, as on a Moebius strip. If all corners at each vertex agree, the result equals `carry`."""
+        Each vertex takes the values of one face, the parent of its first cell. Faces may disagree (Moebius strip)."""
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
         parent = self.parent[corner // 3]
@@ -218,7 +215,7 @@ class Sheet:
         """Return a mask (n', ...) of the vertices that lie on or between marked vertices (n, ...) of the uncut surface.
 
         edges : (e, ...) marked edges of the uncut surface; default: the edges that the marks span (`spanned_edges`).
-        A vertex inside a face counts if all three edges of the face are marked and at least one is an inner edge."""
+        A vertex inside a face counts if all three edges of the face are marked. At least one must be an inner edge."""
         result: Bools = np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
         table = surface.edges
         edges = spanned_edges(surface.F, table, marks) if edges is None else edges
@@ -287,9 +284,10 @@ def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
 
 
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
-    """Return the hydraulic diameter (count,) of each piece of a part, 4 area / perimeter, metres.
+    """Return the hydraulic diameter (count,) of each piece of a part: 4 area / perimeter, metres.
 
-    It is infinite unless walls enclose the piece. walls : (e,) mask of edges.    label : (f,) piece of each face."""
+    It is infinite for a piece that walls do not enclose.    walls : (e,) mask of edges.    label : (f,) piece of each
+    face."""
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
     piece = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
@@ -313,19 +311,19 @@ def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) ->
     return result
 
 
-CREASE_COSINE = np.cos(np.radians(30))  # at a crease, a face's normal is over 30 degrees from the vertex's mean normal
+CREASE_COSINE = np.cos(np.radians(30))  # smallest cosine between a face's normal and the mean normal, except at creases
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
-    """Curved patches: a point with barycentric weights l moves by the sum of 4 l_i l_j bulge over the edges i-j.
+    """Curved patches. A point with barycentric weights l moves by the sum of 4 l_i l_j bulge over the edges i-j.
 
     surface : the flat faces.
     bulge   : (e, 3) vector from the middle of each edge to its curve, metres; 0 for flat faces and creases.
 
-    The curve of an edge from a to b is cubic, and perpendicular to the normals n_a and n_b at its ends. Its middle
-    gives bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8 [Vlachos, Peters, Boyd and Mitchell 2001]. The sign of
-    the normals does not matter. Two patches have the same bulge at their common edge, so there is no gap."""
+    The curve of an edge a-b is cubic, and perpendicular to the normals n_a and n_b at its ends:
+
+        bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8 [Vlachos, Peters, Boyd and Mitchell 2001]"""
 
     surface: Surface
     bulge: Floats
@@ -363,12 +361,12 @@ def _normal_component(chord: Floats, normal: Floats) -> Floats:
 
 
 def _corner_normals(surface: Surface) -> Floats:
-    """Return unit normals (m, 3, 3) at the corners of faces: the vertex's mean, but the face's own at a crease."""
+    """Return unit normals (m, 3, 3) at the corners of faces: the vertex's mean normal, or the face's at a crease."""
     corner, face = surface.F.ravel(), np.repeat(np.arange(surface.m), 3)
     first_face = np.zeros(surface.n, dtype=np.int64)
     first_face[corner[::-1]] = face[::-1]
     face_normals = surface.normals[face]
-    # on a one-sided sheet, normals at a vertex may be opposite: turn them to the side of the vertex's first face
+    # turn normals to the side of the vertex's first face: a sheet may be one-sided
     side = np.where((face_normals * surface.normals[first_face[corner]]).sum(axis=1) < 0, -1.0, 1.0)
     weighted = face_normals * (side * surface.areas[face])[:, None]
     mean = np.stack([np.bincount(corner, weighted[:, k], surface.n) for k in range(3)], axis=1)

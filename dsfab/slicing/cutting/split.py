@@ -13,15 +13,13 @@ from dsfab.surface.mesh import ZERO_AREA
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Result of `split_cells`: the polygons after a split.
+    """Polygons after a split. The old vertices come first, then the new vertices (k,).
 
-    cells  : the new polygons. A side on level l has -1 - l in `sides_on` if it is new, or had no line before.
+    cells  : the new polygons. New sides on level l have -1 - l in `sides_on`. Old sides keep their line, if any.
     source : (c',) the old polygon that contains each new polygon.
-    strip  : (c',) number of levels below a new polygon; -1 for inactive polygons.
-    low, high, t : (k,) new vertex i lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
-    side, level  : (k,) slot of the old side that a new vertex lies on, and the value of the level there.
-
-    The old vertices come first, then the new vertices."""
+    strip  : (c',) number of levels below each new polygon; -1 for inactive polygons.
+    low, high, t : (k,) a new vertex lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
+    side, level  : (k,) slot of the old side of a new vertex, and the value of its level."""
 
     cells: Cells
     source: Ints
@@ -56,7 +54,7 @@ class Split:
 class SideValues:
     """Values (h,) of a field at the start and the end of every side, as the side's own polygon sees it.
 
-    foreign : (k,) sides whose polygon has no value; they take the values of the polygon on the other side.
+    foreign : (k,) sides of polygons without a value. They take the values of the polygon on their other side.
     own     : (h,) the field at the slots."""
 
     start: Floats
@@ -114,9 +112,9 @@ class SideValues:
 class _Sides:
     """Crossings of sides (h,) with levels.
 
-    low   : number of levels at or below the side's lower end.
+    low   : number of levels at or below the lower end.
     count : number of levels strictly between both ends; 0 if no active polygon has the side.
-    first : the new vertex nearest to the lower end; all polygons with this side share its new vertices.
+    first : the new vertex nearest to the lower end. Polygons with a common side share its new vertices.
     up    : True if the side runs from the lower to the higher end.    flat : True if it lies wholly on a level.
     along : True if the numbers of the new vertices increase from the side's start to its end.
 
@@ -154,12 +152,12 @@ def split_cells(
 ) -> Split:
     """Cut the active polygons on n vertices by straight chords, along every level of a field on their sides.
 
-    Two polygons may see the field with different sign or shift; still they get the same vertices on their common edge.
+    Two polygons get the same vertices on their common edge, even if they see the field with different sign or shift.
 
-    levels : (l,) strictly ascending. Inactive polygons stay whole, but get the new vertices on sides that they share
-             with active polygons. A side that lies on a level belongs to the strip of the side before it.
-    above  : (l,) True puts a polygon that lies on this level into the strip above; default: into the even strip, void.
-    live   : (h,) sides of edges that get new vertices even without an active polygon."""
+    levels : (l,) strictly ascending. A side on a level belongs to the strip of the side before it.
+    active : (c,) mask of polygons. Inactive polygons only get new vertices on sides that they share with active ones.
+    above  : (l,) True puts a polygon on this level into the strip above; default: into the even strip, void.
+    live   : (h,) sides that get new vertices even without an active polygon."""
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
     if live is not None and not active.any():  # only polygons at live sides change
@@ -207,7 +205,7 @@ def _sides(
     places: tuple[Ints, Ints],
     live: Bools | None,
 ) -> tuple[_Sides, _NewVertices]:
-    """Return the crossings of all sides, and the new vertices, which polygons with a common edge share.
+    """Return the crossings of all sides, and the new vertices. Polygons with a common edge share its vertices.
 
     slots : (h,) slots of `cells` among all polygons; x, `places` and `live` refer to all polygons."""
     a, b = cells.corner, cells.next_values(cells.corner)
@@ -245,9 +243,9 @@ def _sides(
 
 
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
-    """Return the same polygons with the new vertices as corners, and the strip of each side.
+    """Return the polygons with the new vertices as corners, and the strip of each side.
 
-    A side on a level gets the strip of the nearest side before it that lies on no level. Such a side must exist."""
+    A side on a level gets the strip of the nearest earlier side that lies on no level. Such a side must exist."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
@@ -272,9 +270,9 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
 def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
     """Divide each polygon into one polygon for each strip: the sides in this strip, closed by chords.
 
-        b            Sides a-b and c-d are in strip 1. Each gives its first corner (a, c). Each also gives its last
-      / |  strip 2   corner (b, d), because the next side is in another strip. So a b c d is the new polygon, with
-    a   |            the chords b-c and d-a.
+        b            Sides a-b and c-d are in strip 1. Each side gives its first corner.
+      / |  strip 2   A side also gives its last corner if the next side is in another strip.
+    a   |            So a b c d is the new polygon, with the chords b-c and d-a.
     |   c
     d /   strip 0"""
     key = sides.owner * (level_count + 2) + strip + 1
@@ -324,13 +322,13 @@ def _with_pieces(
 
 CELL_AREA = 1e3 * ZERO_AREA
 """Minimum area of a cell, divided by the squared size of the surface. `Surface` accepts even a thousandth of it."""
-ROUNDS = 12  # Maximum number of times that values at cells without area are moved onto levels.
+ROUNDS = 12  # Maximum number of tries to split without cells of zero area.
 
 
 class Snapping(NamedTuple):
     """Rules for moving values onto levels before a cut.
 
-    fraction : largest move, as a fraction of the field's range over an edge.
+    fraction : largest move, as a fraction of the field's range on an edge.
     size     : size of the surface, metres.
     hold     : vertices (k,) whose values never move."""
 
@@ -342,10 +340,9 @@ class Snapping(NamedTuple):
 def clean_split(
     cells: Cells, X: Floats, x: Floats, levels: Floats, active: Bools, snapping: Snapping, above: Bools | None = None
 ) -> Split:
-    """Split polygons after values x (n,) at vertices X (n, 3) are moved onto levels nearby, so no cell has zero area.
+    """Move values x (n,) at vertices X (n, 3) onto levels nearby, then split polygons, so that no cell has zero area.
 
-    Values never move across a level, so all cells stay convex and chords never cross.
-    active, above : see `split_cells`."""
+    Values never move across a level.    active, above : see `split_cells`."""
     snap, size, hold = snapping
     if not len(levels) or not active.any():
         return Split.unchanged(cells, active)

@@ -11,7 +11,7 @@ from dsfab.surface import nearest_places
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 
-SHARPEST = float(np.radians(20))  # An outline has a corner where its direction changes by more than this, radians.
+SHARPEST = float(np.radians(20))  # Smallest turn of an outline at a corner, radians.
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Walls:
 
     @cached_property
     def void_neighbours(self) -> Ints:
-        """(m', 3) void cell on the other side of each side of a void cell, else -1."""
+        """(m', 3) the neighbouring void cell at each side of a void cell, else -1."""
         side_a, side_b = self.surface.edges.pairs.T
         inner = self.void[side_a // 3] & self.void[side_b // 3]
         cell = np.full(3 * self.surface.m, -1)
@@ -104,9 +104,9 @@ class Walls:
 
     @cached_property
     def turns(self) -> Floats:
-        """(w,) change of direction at the start of each wall, to the left, radians: pi minus the void's angle there.
+        """(w,) change of direction to the left at the start of each wall, radians: pi minus the angle of the void.
 
-        Minus infinity at the start of an open chain. Angles are measured in the surface; a crease is no corner."""
+        It is -inf at the start of an open chain. Angles are measured in the surface; a crease is no corner."""
         F, angle = self.surface.F[self.void], np.zeros(self.surface.n)
         for corner, angles in zip(F.T, face_angles(self.surface.V, F).T, strict=True):
             angle += np.bincount(corner, angles, self.surface.n)
@@ -123,9 +123,9 @@ class Walls:
 
 
 def next_in_chains(chain: Ints) -> Ints:
-    """Return for each position (k,) the next position in its chain; the last leads to the first.
+    """Return for each position (k,) the next position in its chain. The first position follows the last.
 
-    chain : (k,) the chain of each position; positions of a chain are adjacent."""
+    chain : (k,) the chain of each position. The positions of a chain are adjacent."""
     after = np.arange(1, len(chain) + 1)
     chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
     after[np.append(chain_start[1:], len(chain))[: len(chain_start)] - 1] = chain_start
@@ -163,8 +163,8 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 class Stretches:
     """Parts (p,) of chains. A part that contains the start of a closed chain has two entries.
 
-    low, high : (q,) start and end of each entry, metres, with all chains laid end to end.    part : (q,) of each entry.
-    before    : (c,) distance of each chain's start, metres."""
+    low, high : (q,) start and end of each entry, metres, if all chains lie end to end.    part : (q,) of each entry.
+    before    : (c,) start of each chain, metres, if all chains lie end to end."""
 
     low: Floats
     high: Floats

@@ -15,17 +15,17 @@ from dsfab.slicing.finishing.mesh_quality import independent, least_angles
 from dsfab.surface import Surface
 from dsfab.surface.topology import next_half_edge
 
-CORNER = float(np.radians(25))  # A wall has a corner where its direction changes by more than this angle, radians.
-REACH = 2.0  # Fairing removes the waves of a wall that are shorter than 2 pi REACH segments.
-BEND = 0.4  # Fairing reduces the bends of a wall that are shorter than BEND segments.
+CORNER = float(np.radians(25))  # Smallest turn of a wall at a corner, radians.
+REACH = 2.0  # Waves of a wall under 2 pi REACH segments disappear.
+BEND = 0.4  # Bends of a wall under BEND segments become smaller.
 
 
 class Freedom(NamedTuple):
     """Directions in which wall vertices (k,) may move without leaving their uncut edge or face.
 
     along : (k, 2, 3) up to two unit vectors; 0 for a missing direction.
-    share : (k, 2, 3) change of the weights in the columns `column` (k, 3), for a metre in each direction.
-    most  : (k,) largest move, metres: a tenth of the vertex's mesh edge, which is twice the largest snap."""
+    share : (k, 2, 3) change of the weights in the columns `column` (k, 3), per metre in each direction.
+    most  : (k,) largest move, metres: a tenth of the mesh edge."""
 
     vertex: Ints
     along: Floats
@@ -37,10 +37,10 @@ class Freedom(NamedTuple):
 def faired_walls(sheet: Sheet) -> Sheet:
     """Make the walls between material and void as smooth as the mesh allows; the sheet must have no point contacts.
 
-    The function minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners. Here d is the move
+    The function minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 along the walls between corners. Here d is the move
     across the wall, and k is the curvature in the surface. The lengths a and b are `REACH` and `BEND` segments.
-    Circles and straight lines stay. Waves of wave number w shrink to 1 / (1 + (a w)^6) of their height [a smoothing
-    spline of third order: Reinsch 1967; Wahba 1990]. Cells stay in their uncut faces; uncut vertices do not move."""
+    Waves of wave number w shrink to 1 / (1 + (a w)^6) of their height [smoothing spline: Reinsch 1967; Wahba 1990].
+    Circles and straight lines stay. Cells stay in their uncut faces."""
     walls = sheet.walls
     vertex = np.unique(np.concatenate([walls.start, walls.end]))
     free = freedom(sheet, vertex, sheet.weights[vertex])
@@ -180,8 +180,7 @@ class Division:
 def divided_walls(sheet: Sheet) -> Sheet:
     """Divide bent walls of a faired sheet, so that outlines look round.
 
-    Only walls inside one uncut face are divided, and only if cells keep large angles. The new vertex stays in that
-    face, and corners stay sharp."""
+    A wall must lie inside one uncut face, and the angles of its cells must stay large. Corners stay sharp."""
     for _ in range(3):  # each time, the angles between walls are about halved
         division = _division(sheet)
         if not len(division.wall):

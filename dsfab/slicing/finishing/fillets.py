@@ -20,10 +20,10 @@ from dsfab.slicing.finishing.point_contacts import pinched_vertices
 
 @dataclass(frozen=True, eq=False)
 class DiscStops:
-    """Places (p,) where a disc that rolls along the walls of a flat opening stops, because it touches two walls.
+    """Places (p,) where a rolling disc stops, because it touches two walls of a flat opening.
 
-    middle : (p, 2) centre of the disc, metres.    before, behind : (p, 2) unit vectors from the middle to both walls.
-    a, b   : (p,) indices of both walls in `FlatOpenings.wall`.
+    middle : (p, 2) centre of the disc, metres.    before, behind : (p, 2) unit vectors from the centre to the walls.
+    a, b   : (p,) the two walls, as indices into `FlatOpenings.wall`.
     share_a, share_b : (p,) positions of the points of contact on the walls, 0 to 1."""
 
     middle: Floats
@@ -42,9 +42,9 @@ class DiscStops:
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
     """Yield corners (p,) where rolling discs of `radius` metres stop in openings, and arcs (p,) at these corners.
 
-    Arcs are in the frames of the corners and do not overlap. A disc gives no arc if it stops at a single wall, or
-    touches no walls in space. On a curved surface, an arc may fit at one vertex only. So the function yields twice:
-    for the vertices nearest to the discs, then for the farthest. Corners in `taken` stretches are left out."""
+    The function yields twice: arcs at the vertices nearest to the discs, then arcs at the farthest vertices. On a
+    curved surface, an arc may fit at one of these vertices only.
+    taken : stretches of walls; their corners are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
@@ -139,12 +139,12 @@ class Fillets:
     """Chords of the arcs at corners (k,), and rays beside some arcs, as planes in space.
 
     normal, distance : (k, c, 3), (k, c) outward normals of the chords' planes, and metres from the origin.
-    ray, ray_distance : (k, 2, 3), (k, 2) the same for the rays. An unused plane has a normal of 0.
+    ray, ray_distance : (k, 2, 3), (k, 2) normals of the rays' planes, and metres from the origin.
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
     pair : (p, 2) number of an arc, and a void cell partly beyond its chords that is connected to the corner.
 
-    An arc fills the region beyond a chord and between both rays. Rays run from the arc's centre through its ends, the
-    feet. Some walls bend so sharply at a foot that other void also lies beyond the chord. Only their arcs need rays."""
+    An arc fills the region beyond a chord and between both rays. A ray leads from the arc's centre through an end of
+    the arc. Only arcs with other void beyond their chords need rays. Unused planes have a normal of 0."""
 
     wall: Ints
     circle: Floats
@@ -219,7 +219,9 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return arcs at corners, as chords in space, and a mask of arcs that touch no other wall and no surface edge."""
+    """Return arcs at corners, as chords in space, and a mask of free arcs.
+
+    A free arc touches no other wall and no edge of the surface."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -259,9 +261,9 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """Return a mask (k,) of arcs that fill nothing farther from their corner than their feet are.
+    """Return a mask (k,) of arcs that fill nothing farther from their corner than their feet.
 
-    Distances are in the corner's plane. At a fold the void may come back beyond a chord; an arc would fill it, too."""
+    An arc at a fold could also fill distant void beyond its chords. Distances are in the corner's plane."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
@@ -291,12 +293,10 @@ GOLDEN = (5**0.5 - 1) / 2  # Golden ratio: the fractional parts of its multiples
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
     """Round the corners of openings of a sheet without point contacts; return also the fillets' radii (k,), metres.
 
-    radius : metres; an arc is smaller if it would not fit. Its plane touches the surface at the corner, and its chords
-             are within a 20th of the radius. Corners that turn by under 20 degrees stay. At a blunt tip, a disc of
-             this radius stops before several corners, and one arc rounds these corners.
+    radius : metres. An arc is smaller if this radius does not fit. Chords are within a 20th of the radius from the arc.
 
-    The function only adds material, with the family of the member before the corner. On coarse cells, a corner stays
-    sharp if its arc would touch material in a point. Raises PatternError for a radius that is not a length."""
+    The function only adds material. Corners that turn by under 20 degrees stay. A corner also stays sharp if its arc
+    would touch other material in a point. Raises PatternError for a radius that is not a length."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
     if not len(sheet.walls.start):
@@ -338,7 +338,7 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """Return the group (k,) of each arc, such that cells of two arcs in a group have no common vertex.
+    """Return the group (k,) of each arc. Cells of two arcs in a group have no common vertex.
 
     arc : (p,) arc of each cell.    corner : (p, 3) vertices of each cell.
     A group takes the arcs with the lowest rank at all their vertices. Scattered ranks give few groups."""
@@ -360,7 +360,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons by their arcs' chords; return the mesh, and for each polygon its old polygon and whether to fill it.
+    """Cut polygons by the chords of arcs; return the mesh, each polygon's old polygon, and a mask of polygons to fill.
 
     arc : (c,) arc of each polygon, or -1.    corner : (k,) vertex that each arc rounds.    size : of the surface."""
     arc = np.where(mesh.void, arc, -1)

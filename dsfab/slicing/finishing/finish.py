@@ -7,7 +7,7 @@ closed      close marked openings       filled    fill small openings and crumbs
 loose_ends  cut stripes back            merged    fill slits, also after fairing
 stubs       remove stripes to a node    bridged   bridge necks
 bars        straighten bent bars        spikes    cut off teeth
-                                        rounded   round corners; bridge and widen what becomes too narrow
+                                        rounded   round corners; then bridge and widen narrow places
                                         widths    keep minimum widths of openings and members
                                         improved  flip and collapse edges"""
 
@@ -92,11 +92,11 @@ class FinishingOptions(NamedTuple):
 
     snap, pinch : as in [slicing].    thickness : of the sheet.
     sized     : True if the preset sets the smallest opening.
-    opening   : smaller openings are filled; 0 for none.
-    merge     : slits to fill; with "none", necks, rounded openings and members also stay as they are.
-    neck      : openings with a narrower neck get a bridge; 0 for none.
-    fillet    : radius of round corners, or 0.
-    member    : members narrower than this between round corners become wider; 0 for none.
+    opening   : openings under this size are filled; 0 for none.
+    merge     : slits to fill. With "none", the options neck and member have no effect.
+    neck      : smallest width of an opening's neck without a bridge; 0 for none.
+    fillet    : radius of round corners; 0 for none.
+    member    : minimum width of members between round corners; 0 for none.
     least     : minimum widths of openings and of members; 0 for no limit.
     tolerance : largest move of the edges of stripes when cells are improved; None for no improvement."""
 
@@ -124,12 +124,13 @@ class FinishingOptions(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FinishedSheet:
-    """All cells after some passes.
+    """A sheet after some passes of finishing.
 
+    cells     : all cells, material and void.
     counts    : number of details that each pass changed, by the name of the pass.
     radii     : (k,) radii of the round corners, metres.
     unwidened : the cells before the pass for minimum widths, if it ran.
-    shape     : a sentence about the shape of the cells before and after their improvement, or ""."""
+    shape     : a sentence about the improvement of the cells, or ""."""
 
     cells: Sheet
     counts: Counter[str] = field(default_factory=Counter)
@@ -149,7 +150,7 @@ Pass = Callable[[FinishedSheet], FinishedSheet]
 def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> FinishedSheet:
     """Run all `passes` over the cells of a cut from the surface `uncut`.
 
-    trial : a trial cut with these cells, if one exists; its passes are not repeated."""
+    trial : a trial cut with these cells, if one exists. Its passes are not repeated."""
     return _after_passes(cells, passes(uncut, options, trial))
 
 
@@ -272,7 +273,7 @@ def _with_better_cells(sheet: FinishedSheet, uncut: Surface, tolerance: float) -
 
 @dataclass(frozen=True, eq=False)
 class TrialCut:
-    """A cut that the search for widths has made and partly finished. Slicing with the same options continues from it.
+    """A partly finished cut from the search for widths. Slicing with the same options continues from it.
 
     inputs  : fields, levels and tidy of the pattern.    cells : before finishing.
     rounded : after the first rounding; None without round corners.    bridged : with bridges.

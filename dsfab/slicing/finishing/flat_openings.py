@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     import manifold3d
 
 
-SMOOTH = 1e-3  # Steps in an outline after an offset, as a fraction of the offset; smaller ones are rounding errors.
+SMOOTH = 1e-3  # Largest rounding error of an outline after an offset, as a fraction of the offset.
 
 
 @dataclass(frozen=True, eq=False)
 class FlatOpenings:
-    """The enclosed openings of a sheet, each projected to its mean plane; see `flat_openings_of`.
+    """The enclosed openings of a sheet, each projected to its mean plane.
 
     wall  : (k,) walls of the sheet.    chain : (k,) the chain of each wall, numbered from 0.
     after : (k,) the next wall in the chain.
@@ -110,9 +110,10 @@ LONG, BULKY = 4.0, 0.7
 
 @dataclass(frozen=True, eq=False)
 class NarrowPart:
-    """A narrow part of an opening: its outline (k, 2), metres, and `runs` (r, 2), stretches of the outline on walls.
+    """A narrow part of an opening.
 
-    Between the runs, the outline follows arcs of a disc. If no disc fits into the opening, there are no runs."""
+    outline : (k, 2) metres.
+    runs    : (r, 2) stretches of the outline on walls. Arcs of a disc lie between them. Empty if no disc fits."""
 
     outline: Floats
     runs: tuple[Floats, ...]
@@ -126,7 +127,7 @@ class NarrowPart:
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     """Yield parts too narrow for a disc of `radius` metres: necks, whole openings, and long dead ends.
 
-    A dead end has two runs near its entrance. The function leaves out pointed tips, and rings of equal width."""
+    The runs of a dead end are two stretches near its entrance. Pointed tips and rings of equal width are left out."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()

@@ -16,14 +16,14 @@ from dsfab.slicing.finishing.openings import Merging, Strip, filled_slits, openi
 from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 from dsfab.surface import Surface
 
-LOCAL = 0.8  # A member is narrow if its width is below this fraction of the median width.
+LOCAL = 0.8  # Largest width of a narrow member, as a fraction of the median width.
 NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
     """Return points (k, 2, 3) on both walls where openings are narrower than `least` metres, narrowest first.
 
-    apart : distance between places, metres.    tips : include places where walls close to a tip.
+    apart  : distance between places, metres.    tips : True to include tips.
     widest : True puts the widest of these places first, such as the entrance of a tip."""
     if not cells.has_openings:
         return NOWHERE
@@ -79,7 +79,7 @@ def _narrowest(part: Surface, across: Crossings, least: float, apart: float, wid
     return ends[chosen]
 
 
-REACH = 0.25  # Length of a bridge beyond each end of its neck, in widths of the bridge: walls may be oblique.
+REACH = 0.25  # Length of a bridge beyond each wall of its neck, in widths of the bridge.
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +93,8 @@ class Neck:
 def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
     """Add bridges where openings are narrower than `width` metres; return also the number of bridges.
 
-    An opening that is narrower everywhere becomes material. So does a small opening that a bridge cuts off. Openings
-    at the edge of the surface stay. Tips stay, too, because `rounded_corners` rounds them."""
+    An opening that is narrow everywhere becomes material. So does a small opening that a bridge cuts off. Tips, and
+    openings at the edge of the surface, stay."""
     count = 0
     for _ in range(4):  # beside a bridge, necks may remain
         if not cells.has_openings:
@@ -113,8 +113,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
     """Add bridges of `width` metres where a rounded sheet has openings under `least` metres; return also their number.
 
-    `bridged_necks` measures openings laid flat, so it misses folds of the surface and walls where no arc fits. This
-    function measures in space."""
+    The function measures in space. So it also finds necks at folds of the surface, which `bridged_necks` misses."""
     for slim in (1.0 * width, 0.5 * width):  # a broad bridge may miss a wall behind a ridge
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
@@ -166,7 +165,7 @@ def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
     """Add strips beside members under `least` metres in the `rounded` sheet; return also the number of widened places.
 
-    A call adds only strips that do not touch each other."""
+    One call adds only strips that do not touch each other."""
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
         return cells, 0
     half = np.array([1.04 * least / 2, least / 2])
@@ -189,8 +188,8 @@ def _way_around(walls: Walls, wall: Ints) -> Floats:
 
 
 MOST_ROUNDS = 40  # Maximum number of rounds; a round adds only strips that do not touch.
-TURNS = 6  # Maximum number of times that members are widened and openings bridged: each change may need the other.
-SNAP = 0.05  # Vertices this near to a strip's side move onto it, to avoid tiny edges; in half widths of the strip.
+TURNS = 6  # Maximum number of times that openings are bridged and members widened.
+SNAP = 0.05  # Largest snap onto a strip's side, in half widths of the strip.
 
 
 class LeastWidths(NamedTuple):

@@ -18,12 +18,10 @@ from dsfab.surface.fields import CornerField
 class Tidy:
     """Rules by which finishing removes stripes.
 
-    striped : for each field, True if it has stripes; material of other fields stays.
+    striped : for each field, True if it has stripes. Material of other fields stays.
     astray  : for each field, (m,) mask of faces in which its stripes run across their direction, or None.
     anchor  : (n,) mask of vertices at which stripes may end: supports and loads.
-    closed  : for each field, (n,) values or None; an opening where their mean is positive becomes material.
-
-    Finishing may remove stripes. So later fields also divide these stripes, and their own stripes remain there."""
+    closed  : for each field, (n,) values or None. An opening with a positive mean value becomes material."""
 
     striped: tuple[bool, ...]
     astray: tuple[Bools | None, ...]
@@ -34,8 +32,9 @@ class Tidy:
         lock(self, "anchor", np.bool_, (None,))
 
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """Return a mask (c,) of the stripes of field k that touch a `blank` or `astray` face: later fields divide them.
+        """Return a mask (c,) of the stripes of field k that touch a `blank` or `astray` face.
 
+        Finishing may remove these stripes. So later fields divide them, too.
         blank : (m,) faces without a phase of field k, and the faces beside them."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
@@ -55,8 +54,8 @@ CLOSED = -2  # `PolygonMesh.also` of polygons in openings that became material: 
 def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> tuple[PolygonMesh, int]:
     """Make openings material where the mean value of a field is positive; return also their number.
 
-    closed : for each field, (n,) values at the uncut vertices, or None. An opening becomes material of the first field
-             with a positive mean. Of openings with nearly equal means, all or none become material."""
+    closed : for each field, (n,) values at the uncut vertices, or None. The first field with a positive mean counts.
+             Of openings with nearly equal means, all or none become material."""
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
         return mesh, 0
@@ -75,7 +74,7 @@ def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> 
     return replace(mesh, family=family, also=also), int(closed_openings.sum())
 
 
-CROSSING, KEPT, NODE = -1, -2, -3  # Kinds of polygons; a polygon of any other kind has its field's number instead.
+CROSSING, KEPT, NODE = -1, -2, -3  # Kinds of polygons. Other polygons have the number of their field.
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
@@ -121,11 +120,11 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Return masks (c,) of polygons to remove: first parts in `gone` (p,) and dead ends that they leave, then islands.
+    """Return two masks (c,) of polygons to remove: of parts in `gone` (p,) and their dead ends, and of islands.
 
-    Islands are pieces that this removal cuts off from supports and from the edges of the surface. stays : (p,) parts
-    that always stay. When no dead ends remain, a part with a single neighbour is as short as wide. It joins this
-    neighbour, and the search for dead ends repeats."""
+    Islands are pieces that this removal cuts off from supports and from the edges of the surface. When no dead ends
+    remain, a part with a single neighbour joins this neighbour, and the search repeats.
+    stays : (p,) parts that always stay."""
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)
@@ -151,7 +150,7 @@ def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequence[Floats]) -> tuple[PolygonMesh, int]:
     """Make void polygons material where stripes meet in faces without a phase; return also the number of polygons.
 
-    fields, levels : as in `cut`; only a `CornerField` has faces without a phase."""
+    fields, levels : as in `cut`. Only a `CornerField` has faces without a phase."""
     corner_fields = {k: field for k, field in enumerate(fields) if isinstance(field, CornerField) and len(levels[k])}
     blank = {k: field.blank[mesh.parent] & mesh.void for k, field in corner_fields.items()}
     open_ = np.any(list(blank.values()), axis=0) if blank else np.zeros(len(mesh.parent), dtype=bool)
@@ -165,7 +164,7 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequen
         np.add.at(count, unique_ends[0], 1)
         family[blank[k] & (family == VOID)] = k
     faces = np.bincount(gap[open_], minlength=len(count))
-    # a gap of more than six faces is a region without stripes, not a singular point
+    # a gap at a singular point has at most six faces
     node = open_ & (count[gap] >= 2) & (faces[gap] <= 6)
     family, also = np.where(node, family, mesh.family), np.where(node, family, mesh.also)
     mesh = replace(mesh, family=family, also=also)
@@ -187,8 +186,8 @@ def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bool
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
     """Return polygons (q,) in `blank` at which middle lines of field k end, and the vertex (q,) of each end.
 
-    An end between two vertices gets a unique negative number instead. In a mirrored pattern, middle lines end at
-    vertices. There the faces on both sides find the same end, and the common vertex shows this."""
+    An end between two vertices gets a unique negative number. Two polygons may find the same end at a vertex. Their
+    common vertex shows this."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])
@@ -237,7 +236,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Divide a convex polygon X (s, 3): the first part spans the sides with neighbours, the others are free corners."""
+    """Divide a convex polygon X (s, 3): the first part spans sides with neighbours, other parts are free corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)

@@ -53,7 +53,7 @@ GAIN = 1.01
 class CellMesh:
     """A cut sheet during its improvement, and the surface `uncut` that it was cut from.
 
-    strayed : (n',) upper bound of the distance that edges of stripes at each vertex have moved so far, metres."""
+    strayed : (n',) largest possible move so far of the edges of stripes at each vertex, metres."""
 
     sheet: Sheet
     uncut: Surface
@@ -152,7 +152,7 @@ class CellMesh:
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
     """Return a mask (k,) of steps that change no face of a step with a lower rank.
 
-    row, face : step row[i] changes face[i], for each i; m is the number of faces."""
+    row, face : step row[i] changes face[i].    m : number of faces."""
     lowest_rank = np.full(m, len(rank))
     np.minimum.at(lowest_rank, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
@@ -175,7 +175,7 @@ class CollapseMoves(NamedTuple):
 def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
     """Collapse edges where this increases the smallest angle around a vertex; return also the number of collapses.
 
-    tolerance : largest distance of an edge of a stripe, a family or the surface from its original place, metres."""
+    tolerance : largest move of an edge of a stripe, a family or the surface, metres."""
     moves = _along_lines(cut, _candidates(cut), tolerance)
     moves, gain = _improving_moves(cut, moves)
     if not len(moves.v):
@@ -201,9 +201,9 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 
 
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
-    """Return `sides_on` (m', 3) after a vertex v of each of `cells` (k,) moved onto w, so they lost their area.
+    """Return `sides_on` (m', 3) after `cells` (k,) lost their area, because a vertex v of each cell moved onto w.
 
-    Let x be a cell's third corner. Sides v-x and w-x now coincide. If either lies on a line, the cell on the other
+    Let x be a cell's third corner. Sides v-x and w-x now coincide. If one of them lies on a line, the cell on the other
     side of v-x gets this line."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
@@ -216,9 +216,9 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
-    """Return moves of new vertices along edges of those material triangles that have an angle under 25 degrees.
+    """Return moves of new vertices along edges of material triangles with an angle under 25 degrees.
 
-    A move is left out if it would take a triangle out of its uncut face."""
+    No move takes a triangle out of its uncut face."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
     v, w = np.concatenate([cut.surface.edges.ends[edge], cut.surface.edges.ends[edge][:, ::-1]]).T
@@ -236,8 +236,8 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     """Select the moves that keep lines connected as before, and that move lines by at most `tolerance` metres.
 
     A vertex on no line may move to any neighbour. A vertex on a line may move along the line, or to a vertex on no
-    line. If three lines meet at two vertices each, these may join along an edge between material and void. Vertices on
-    the boundary of the surface stay on the boundary."""
+    line. Two vertices with three lines each may join along an edge between material and void. Vertices on the boundary
+    of the surface stay on the boundary."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))
@@ -278,7 +278,8 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
     """Return a mask (k,) of moves v -> w that keep the mesh a surface, and close no triangle of three lines.
 
-    Only the opposite vertices of edge v-w may be neighbours of both [Dey et al. 1999]. row, F : cells around each v."""
+    Only the vertices opposite to edge v-w may be neighbours of v and w [Dey et al. 1999].
+    row, F : cells around each v."""
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
     pair = distinct(star_vertices[0][is_neighbour] * len(cut.surface.V) + star_vertices[1][is_neighbour])
@@ -294,8 +295,8 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     r"""Flip edges where this increases the smallest angle of two neighbouring cells; return also the number of flips.
 
       c            c
-     /|\          / \        Only between cells of the same family and uncut face: on two faces of a curved surface,
-    a | b   ->   a---b      a flip would change the shape.
+     /|\          / \        Both cells must have the same family and the same uncut face.
+    a | b   ->   a---b
      \|/          \ /
       d            d"""
     h, g = cut.surface.edges.pairs.T
@@ -326,7 +327,7 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
 
 @dataclass(frozen=True, eq=False)
 class ImprovedSheet:
-    """A sheet with better shaped cells.
+    """A sheet after the improvement of its cells.
 
     sheet         : all cells, material and void.      flips, collapses : numbers of flipped and of collapsed edges.
     before, after : shape of the material's cells before and after the improvement.
@@ -354,12 +355,11 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     """Flip and collapse edges to increase the smallest angle of a sheet's material.
 
     sheet     : all cells cut from the surface `uncut`, material and void.
-    tolerance : largest move of the edges of stripes, of families and of the surface, metres.
+    tolerance : largest move of the edges of stripes, of families and of the surface, metres. With 0 the material covers
+                the same points as before.
 
-    Cells stay in their uncut faces, and vertices stay in place or disappear. So the weights, interpolated fields and
-    uncut vertices stay exact, and the surface keeps its area and topology. No step makes an angle smaller than all
-    angles of the cells that it removes. With tolerance 0 the material covers the same points as before. Otherwise its
-    area changes by less than the tolerance times the length of its edges."""
+    Cells stay in their uncut faces, and vertices stay in place or disappear. So interpolated fields stay exact. The
+    surface keeps its topology."""
     cut = CellMesh(replace(sheet, sides_on=sheet.lines_of_edges), uncut, np.zeros(sheet.surface.n))
     flips = collapses = 0
     for _ in range(40):  # usually under ten are needed

@@ -47,7 +47,7 @@ class Arcs:
     def rays(self) -> tuple[Floats, Floats]:
         """Return lines from the centre through both feet: unit normals (k, 2, 2) and distances (k, 2) from the origin.
 
-        Normals point away from the arc, so an arc fills only the region behind both lines."""
+        Normals point away from the arc."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
         return normal, np.einsum("kci,ki->kc", normal, self.centre)
@@ -55,7 +55,7 @@ class Arcs:
     def chords(self) -> tuple[Floats, Floats]:
         """Return outward unit normals (k, c, 2) of each arc's equal chords, and distances (k, c) from the origin.
 
-        Missing chords have a normal of 0 and a distance of 1, so every point lies on their inside."""
+        Missing chords have a normal of 0 and a distance of 1. So every point lies on their inside."""
         number = np.arange(6)  # six chords are enough for half a circle
         count = np.maximum(np.ceil(self.angle / CHORD), 1)
         step = self.angle / count
@@ -68,12 +68,12 @@ class Arcs:
 
 
 def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | None = None) -> Arcs:
-    """Return arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), which lead away from the corners.
+    """Return arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), which begin at the corners.
 
-    first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners.
+    The void is on the right of a and on the left of b. The iteration is similar to Newton's method: the next circle
+    touches the tangents at the nearest points of both polylines.
 
-    The void is on the right of a and on the left of b. As in Newton's method, each next guess is the circle that
-    touches the tangents at the polylines' nearest points."""
+    first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners."""
     if first_centre is None:
         centre, valid = _first_centres(a, b, radius)
     else:
@@ -124,15 +124,15 @@ def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
     return foot[row, pick], before + (np.clip(t, 0, 1) * length)[row, pick]
 
 
-SMALLER = 0.7  # An arc that does not fit is tried again with its radius times a factor of at least SMALLER.
+SMALLER = 0.7  # Smallest factor for the next radius of an arc that does not fit.
 
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Corners (k,) along walls, in the order of the walls.
+    """Corners (k,) along walls, in the order of the walls. The ends of arcs are corners, too, with a turn of 0.
 
     first : (k,) the wall that begins at a corner.    turn : (k,) change of direction to the left, radians.
-    place : (k,) distance along the chain, metres. The ends of arcs are corners, too, with a turn of 0."""
+    place : (k,) distance along the chain, metres."""
 
     walls: Walls
     first: Ints
@@ -237,7 +237,7 @@ class Corners:
     def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
         """Return arcs of radii (p,), metres, in the `frames` of corners (p,), and factors (p,) for the next radii.
 
-        The factor is 1 if the arc fits between its neighbours, and `SMALLER` if it misses a wall."""
+        The factor is 1 if the arc fits between its neighbours, and `SMALLER` if the arc misses a wall."""
         reach = 2 * radius * self.tangents[rows] + radius
         ahead, behind = (np.minimum(length[rows], reach) for length in self.wall_lengths)
         arcs = tangent_arcs(self.wall_line(rows, ahead, back=True), self.wall_line(rows, behind, back=False), radius)

@@ -19,8 +19,8 @@ Merging = Literal["none", "slits", "crowded"]
 """Slits that finishing fills, so that two members become one: none, all, or only slits where members are crowded."""
 
 NARROWER = 0.9
-"""An opening is a slit if it is narrower than this fraction of the members beside it. Crowded members are designed
-as wide as their openings; on flat triangles, this width has an error of some percent."""
+"""Largest width of a slit, as a fraction of the width of the members beside it.
+It is under 1, because crowded members are as wide as their openings, and widths on triangles have small errors."""
 CRUMB, SEVERAL = 0.35, 8
 """A crumb is smaller than CRUMB times the median opening. A median needs SEVERAL openings."""
 ALIKE = 0.03
@@ -29,7 +29,7 @@ ALIKE = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Openings:
-    """Enclosed openings of a sheet, and openings at its edge; see `openings_of`.
+    """Enclosed openings of a sheet, and openings at its edge.
 
     void  : void cells (f,) of these openings.    material : all material cells.
     label : (f,) the opening of each void cell.    count : number of openings."""
@@ -59,12 +59,12 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) width of each opening, divided by the narrower member's width beside a wall; the median of all walls.
+        """(o,) width of each opening divided by the width of the narrower member beside it: the median along its walls.
 
-        Only walls with an opposite wall count. If these are under 5 % of the walls, as in a triangle, the width is the
-        side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of both values. The
-        width is at least 2 area / perimeter, as in a long slit. The ratio is infinite without members, and for
-        openings at the edge of the surface with few opposite walls."""
+        Only walls with an opposite wall count. If they are under 5 % of the walls, as in a triangle, the width is the
+        side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of both ratios. The
+        width is at least 2 area / perimeter. The ratio is infinite without members, and for openings at the edge of the
+        surface with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)
@@ -90,8 +90,8 @@ class Openings:
     def crowded_slits(self) -> Bools:
         """(o,) mask of slits in places where members are denser than usual.
 
-        In a dense pattern, all openings are narrower than members. If all became material, this would change the
-        structure. So the limit on `narrowness` falls with the median of `narrowness`, see `CROWDING`."""
+        The limit on `narrowness` falls with the median of `narrowness`, see `CROWDING`. Otherwise all openings of a
+        dense pattern would become material."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
@@ -129,7 +129,7 @@ class Openings:
     def _member_widths(self) -> Floats:
         """(e',) widths of the members behind the walls, on the edges of the whole sheet; NaN on other edges.
 
-        Where material is broader than 2.5 medians, several members touch. There the width is the median."""
+        If the material is broader than 2.5 medians, several members touch there. The median replaces this width."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges
@@ -176,10 +176,10 @@ def _harmonic(x: Floats, y: Floats, share: Floats) -> Floats:
 def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[Sheet, int]:
     """Make every opening smaller than `size` metres material; return also their number.
 
-    alike : if True, all or none of the openings with sizes nearly equal to `size` become material.
+    alike : True if all or none of the openings with nearly this size become material.
 
-    The size of an opening is its median width along the walls, but at least 2 and at most 4 area / perimeter.
-    Otherwise triangles with a long tip, which have opposite walls in the tip only, would count as too small."""
+    The size of an opening is its median width along the walls, but at least 2 and at most 4 area / perimeter. The lower
+    limit is for triangles: only walls in their tips have opposite walls."""
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
@@ -196,9 +196,8 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
     """Make every crumb material: an opening far smaller than most openings; return also their number.
 
-    Only enclosed openings count, and their size is 4 area / perimeter. An opening 2.5 times as wide as the members
-    beside it stays, because material there would be a plate between thin members. Of nearly equal openings, all or
-    none become material. Crumbs arise between crowded members, and where a member cuts a corner off an opening."""
+    Only enclosed openings count. Their size is 4 area / perimeter. An opening 2.5 times as wide as the members beside
+    it stays, because it would become a plate. Of nearly equal openings, all or none become material."""
     openings = openings_of(cells)
     if openings is None or np.isfinite(diameters := openings.hydraulic_diameters).sum() < SEVERAL:
         return cells, 0
@@ -215,7 +214,7 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
     merge : "crowded" to fill only `Openings.crowded_slits`.
 
-    Beside the broader members, other openings may become slits. So the function repeats until no slit is left."""
+    The function repeats, because broader members may turn other openings into slits."""
     filled = 0
     while (openings := openings_of(cells)) is not None:
         slits = openings.crowded_slits if merge == "crowded" else openings.slits
@@ -226,14 +225,14 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
 
 SIDES = np.array([-1.0, 1.0])
-SNAP = 2e-3  # Vertices this near to a cut move onto it, as a fraction of a fillet's radius or a strip's half-width.
+SNAP = 2e-3  # Largest snap onto a cut, as a fraction of a fillet's radius or a strip's half width.
 
 
 @dataclass(frozen=True, eq=False)
 class Strip:
-    """A rectangular strip of material across void cells (c,), which begins in the first of these cells.
+    """A rectangular strip of material across void cells (c,). It begins in the first of these cells.
 
-    middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and width."""
+    middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and half width."""
 
     cells: Ints
     family: int

@@ -1,10 +1,8 @@
-"""Pinches: vertices where material meets in a single point, which a solid cannot have. They are joined or split.
+"""Pinches: vertices where material meets in a single point. They are joined or split, because a solid cannot have them.
 
-    material . void         join: a disc around the pinch      split: the disc becomes void
-    . . . .  x . . . .            becomes material
-     void    . material
-
-Material and void are cut together along the disc, so that the cells around it still fit."""
+material . void         join: a disc around the pinch      split: the disc becomes void
+. . . .  x . . . .            becomes material
+ void    . material"""
 
 from typing import Literal, NamedTuple
 
@@ -21,12 +19,12 @@ from dsfab.surface.topology import edge_table
 
 Rule = Literal["join", "split"]
 
-DISC_ROUNDS = 3  # Maximum rounds with discs; a disc can make a new pinch where it meets a second stripe.
-CORNER_ROUNDS = 2  # Then rounds with corner cuts, which make no new pinch; the second is for adjacent pinches.
+DISC_ROUNDS = 3  # Maximum number of rounds with discs. A disc can make a new pinch.
+CORNER_ROUNDS = 2  # Maximum number of rounds with corner cuts. They make no new pinch.
 
 
 class PinchResult(NamedTuple):
-    """All cells of a sheet without pinches; number of discs and corner cuts, 0 for an unchanged sheet."""
+    """A sheet without pinches, and the number of discs and corner cuts; 0 for an unchanged sheet."""
 
     sheet: Sheet
     pinches: int
@@ -35,12 +33,11 @@ class PinchResult(NamedTuple):
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:
     """Make discs of `radius` metres around all pinches of the material into material ("join") or void ("split").
 
-    Up to three rounds of discs come first. Then corners are cut at the remaining pinches, at min(radius, 0.4 edge
-    length) along each edge. Joined cells take the family of the first material cell at their pinch. Pinches on the
-    surface's boundary count, too.
+    If pinches remain after three rounds, their corners are cut at min(radius, 0.4 edge length). New material takes the
+    family of the first material cell at its pinch.
 
-    Raises PatternError without material before or after, for an impossible `radius` or `rule`, and for pinches that
-    remain. "join" cannot join material where the surface itself meets in a single vertex."""
+    Raises PatternError without material, for an impossible `radius` or `rule`, and for pinches that remain. "join"
+    fails where the surface itself meets in a single vertex."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
     if rule not in ("join", "split"):

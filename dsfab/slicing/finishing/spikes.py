@@ -1,8 +1,8 @@
 r"""`without_spikes`: cut off teeth of a member that stick out into an opening.
 
-opening          Between two re-entrant corners a and b, which are close together, the outline has a sharp tip.
-   .             Such a tooth remains where a removed stub overlapped another stripe, or where a stripe ends at a
-__/ \\____       sharp angle on a rim. The part beyond the chord a-b becomes void, because no member needs it.
+opening          The outline has a sharp tip between two re-entrant corners a and b.
+   .             Such a tooth remains beside a removed stub, or where a stripe meets a rim at a sharp angle.
+__/ \____        The part beyond the chord a-b becomes void.
  a  b  member"""
 
 from dataclasses import replace
@@ -43,8 +43,7 @@ class Spike(NamedTuple):
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
     """Cut teeth off the material of a sheet without pinches; return also their number.
 
-    Only material beyond a chord becomes void, and only if no second wall and no edge of the surface lies beyond this
-    chord. So parts stay connected. Without teeth the function returns the cells unchanged."""
+    Teeth stay if a second wall or an edge of the surface lies beyond their chord. So parts stay connected."""
     count = 0
     for _ in range(4):  # for teeth that touch each other
         all_spikes = _spikes(cells) if cells.has_openings else []
@@ -83,7 +82,7 @@ def _member_width(cells: Sheet) -> float:
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
     """Return re-entrant corners before (step -1) or behind (1) a tip, up to `longest` metres along the walls.
 
-    For each corner: the number of walls between it and the tip, and the length of these walls, metres."""
+    For each corner: the number and the length, metres, of the walls between it and the tip."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))

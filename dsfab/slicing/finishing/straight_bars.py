@@ -56,7 +56,7 @@ class FairBar:
     def with_bow(self, mesh: PolygonMesh) -> Self | None:
         """Return the bar with the bow and the half widths that fit its walls by least squares.
 
-        Return None if the bar is then too steep, or has no width at an end."""
+        Return None if the new bar is too steep, or has no width at an end."""
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
@@ -137,8 +137,8 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
 
 ASKEW = 0.25  # Bars stay if their `deviation` from a straight bar is smaller.
 UNEVEN = 0.12  # Bent bars stay if their `deviation` from an evenly bent bar is smaller.
-FAR = 1.5  # Bars stay if their `deviation` is larger: they bend in another way, or a third member touches them.
-SNAP = 0.02  # Vertices this near to a bar's side move onto it, to avoid slivers; in widths of the bar.
+FAR = 1.5  # Bars stay if their `deviation` is larger.
+SNAP = 0.02  # Largest snap onto a bar's side, in widths of the bar.
 LARGER = 2.5  # The area of a bar may change by less than this factor.
 
 
@@ -149,7 +149,7 @@ def with_straight_bars(
 
     surface, fields : as in `cut`.    Returns the mesh and the number of replaced bars.
 
-    The parts of the sheet stay connected: both contacts of a bar remain, and no other member touches the bar."""
+    The parts of the sheet stay connected."""
     nodes = nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void)
     near_singular, count = _near_singular(mesh, surface, fields), 0
     if not (nodes | near_singular).any() or not mesh.void.any():
@@ -175,7 +175,7 @@ def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field])
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
     """Return new shapes of bars that do not overlap: nodes with their stripes, and stripes near singular points.
 
-    A crossing that touches a node may belong to the bar, too, because stripes may overlap before they end."""
+    A crossing that touches a node may belong to the bar, because stripes may overlap before they end."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))

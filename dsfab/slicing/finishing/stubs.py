@@ -1,7 +1,7 @@
 """Remove stubs: the ends of stripes between their last crossings and a node.
 
-Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). Their stubs form a bar
-across one opening, or a hook beside a member, with a lump at the node:
+Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). Their stubs form a bar with
+a lump at the node:
 
     ---+--+--+---           ---+--+--+---
        |  |  |                 |     |              o : the node.    + : the last crossings of its stubs.
@@ -9,7 +9,7 @@ across one opening, or a hook beside a member, with a lump at the node:
        |  |  |                 |     |
     ---+--+--+---           ---+--+--+---
 
-Without stubs one opening remains. Here sizes of openings are 4 area / perimeter, divided by their median."""
+In this module, the size of an opening is 4 area / perimeter, divided by the median of all openings."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -27,7 +27,7 @@ LARGE = 1.6
 """Stubs stay if the opening without them would be larger than this size; 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
 """An eyelet is an opening smaller than EYELET times its neighbour. At an eyelet, LARGER replaces `LARGE`."""
-GOOD = 1.1  # Stubs stay if all openings beside them are larger than this size: they divide a large opening.
+GOOD = 1.1  # Stubs stay if all openings beside them are larger than this size.
 SMALL = 0.6  # Stubs stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
 """Maximum change of direction of the outline, radians, at a removed stub; a sharper corner would be a loose end."""
@@ -36,7 +36,7 @@ TURN = float(np.radians(110))
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
     """Remove nodes, and the stubs that lead to them, if one opening of good size remains; return the number of places.
 
-    Parts stay connected and no new end appears, because the members at a removed bar continue on both of its sides."""
+    Parts stay connected, and no new end appears."""
     nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
         lumps = with_crossings(mesh, nodes & ~mesh.void) if include_crossings else nodes & ~mesh.void
@@ -51,7 +51,7 @@ def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
 
 
 def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
-    """Return a mask (c,) of `nodes` (c,), and of crossings that touch nodes: stubs may overlap before they end."""
+    """Return a mask (c,) of `nodes` (c,), and of crossings that touch nodes. Stubs may overlap before they end."""
     crossing = mesh.part_labels(~mesh.void & ((mesh.also != VOID) | nodes))
     return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
@@ -114,7 +114,7 @@ class _Bars:
     def sizes_without(self, group: Ints, count: int) -> Floats:
         """Return the size (count,) of the opening that remains if all bars of a group are removed.
 
-        group : (b,) the group of each bar; bars of group -1 stay."""
+        group : (b,) the group of each bar. Bars of group -1 stay."""
         bar, opening = self.pair.T
         removed = group[bar] >= 0
         touched = np.unique(np.stack([group[bar[removed]], opening[removed]], axis=1), axis=0)
@@ -134,7 +134,7 @@ class _Bars:
 
     @cached_property
     def extremes(self) -> tuple[Floats, Floats]:
-        """Sizes of the smallest (b,) and of the largest (b,) opening beside each bar; inf and 0 if there is none."""
+        """Sizes (b,), (b,) of the smallest and of the largest opening beside each bar; inf and 0 without openings."""
         smallest, largest = np.full(len(self.area), np.inf), np.zeros(len(self.area))
         bar, opening = self.pair.T
         np.minimum.at(smallest, bar, self.sizes[opening])
@@ -150,9 +150,9 @@ class _Bars:
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) mask of bars between several openings, which become one opening of good size without the bar.
+        """(b,) mask of bars between several openings that become one opening of good size without the bar.
 
-        If several such bars are at one opening, all of them or none are in the mask."""
+        Of several such bars at one opening, all or none are in the mask."""
         smallest, limits = self.extremes
         ratio = np.divide(smallest, limits, out=np.full_like(smallest, np.inf), where=limits > 0)
         largest = np.where(_below_limits(ratio, EYELET), LARGER, LARGE)
@@ -170,7 +170,7 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Return groups (b,) of the chosen bars, -1 for others, and their number; bars at one opening are a group."""
+        """Return groups (b,) of the chosen bars, -1 for others, and their number. Bars at one opening are a group."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]

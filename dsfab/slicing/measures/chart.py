@@ -20,12 +20,12 @@ from dsfab.surface.topology import EdgeTable, edge_table
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A surface with cuts where phases do not fit together. On middle lines of stripes, a phase is a whole number.
+    """A surface with cuts where phases do not fit together. A phase is a whole number on middle lines of stripes.
 
     surface : the surface with cuts; n' vertices, m' faces.    parent : (m',) face of the uncut surface (n, m).
     weights : (n', n) barycentric weights on the uncut vertices.
     z       : (n', 2) phases of both families. After halving, whole numbers are the remaining lines only.
-    scale   : (n', 2) fraction of the finest lines that remains, such as 1/2 for every second line; 0: no phase."""
+    scale   : (n', 2) remaining fraction of the finest lines, such as 1/2 for every second line; 0: no phase."""
 
     surface: Surface
     parent: Ints
@@ -84,19 +84,19 @@ def _corner_slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
     return np.asarray(order[np.searchsorted(key[order], corner_key)])
 
 
-ON = 1e-6  # A point lies on the middle of a stripe if its phase is this near to a whole number.
+ON = 1e-6  # Largest distance from a whole number of the phase on a middle line.
 POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
-"""(4, 3) sample points of a face, near the centroids of the four equal triangles that divide it."""
+"""(4, 3) sample points of a face: about the centroids of four equal triangles in the face."""
 
 
 @dataclass(frozen=True, eq=False)
 class StripeChart:
     """Stripes, where the phase z is within d of a whole number, and other material such as rims and discs.
 
-    surface : n vertices, m faces; a surface with cuts has several vertices at the same place.
+    surface : n vertices, m faces. A surface with cuts has several vertices at the same place.
     z       : (n, 2) phases of both families, whole numbers at the middles of stripes.
     d       : (n, 2) half widths, in periods.
-    known   : (m, 2) True for faces with a phase; other faces have no stripes.
+    known   : (m, 2) True for faces with a phase. Other faces have no stripes.
     kept    : (n,) positive in the other material."""
 
     surface: Surface
@@ -198,7 +198,7 @@ class StripeMiddles:
     """Middle lines of the members of family k. Each face divides them into pieces (s,).
 
     face : (s,) face.    at : (s, 2, 3) barycentric coordinates of both ends.    node : (s, 2) nodes (j,) at both ends.
-    copy : (s,) True for a piece along an edge, if the neighbouring face has the same piece.
+    copy : (s,) True if an earlier face has the same piece on the common edge.
     edge : (j,) True for nodes on the boundary of the surface."""
 
     drawn: StripeChart
@@ -252,7 +252,7 @@ class StripeMiddles:
 class _Pieces(NamedTuple):
     """Pieces (s,) of middle lines: face, whole number of the phase, and slots (s, 2) of both ends.
 
-    Slots 0 to 2 are the face's corners; slot 3 + c lies inside the side that begins at corner c."""
+    Slots 0 to 2 are the face's corners. Slot 3 + c lies on the side that begins at corner c."""
 
     face: Ints
     line: Ints
@@ -302,9 +302,9 @@ def _barycentric(z: Floats, slot: Ints) -> Floats:
 
 
 def _nodes(chart: StripeChart, pieces: _Pieces, coordinates: Floats) -> tuple[Ints, Bools]:
-    """Return the nodes (s, 2) at the ends of each piece, and a mask (j,) of nodes on the boundary of the surface.
+    """Return the nodes (s, 2) at the ends of each piece, and a mask (j,) of nodes on the surface's boundary.
 
-    Nodes at vertices have the lowest numbers. Nodes on edges follow, in their order along each edge."""
+    Nodes at vertices have the lowest numbers. The nodes on edges follow, edge by edge."""
     table, F = chart.table, chart.surface.F
     face, slot, weight = np.repeat(pieces.face, 2), pieces.slot.ravel(), coordinates.reshape(-1, 3)
     corner, on_edge, row = slot % 3, slot >= 3, np.arange(len(slot))

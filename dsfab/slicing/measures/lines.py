@@ -20,10 +20,11 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 
 
 class Labels(NamedTuple):
-    """Outline edges (k,) of a material sheet: half-edge, first vertex, last vertex, number of the curve, and family.
+    """Outline edges (k,) of a material sheet.
 
-    The number of a curve is the number of the sheet's line. But all levels of field k have -1 - k, because they meet
-    only at tips. The family is the cell's family, or `VOID` (-1) on the boundary of the uncut surface."""
+    half_edge, start, end : the half-edge, and its first and its last vertex.
+    curve  : the number of the edge's line in the sheet. All levels of field k have -1 - k.
+    family : the family of the edge's cell, or `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
     start: Ints
@@ -42,7 +43,7 @@ def outline_labels(sheet: Sheet) -> Labels:
 
 
 def outline_corners(sheet: Sheet) -> Floats:
-    """Return the outline's vertices (k, 3) of a material sheet where two curves meet, at any angle; metres.
+    """Return the vertices (k, 3), metres, where two curves of a material sheet's outline meet at any angle.
 
     A fillet is a single curve, so only its two ends are such vertices."""
     _, a, b, *names = outline_labels(sheet)
@@ -54,7 +55,7 @@ def outline_corners(sheet: Sheet) -> Floats:
     return np.asarray(sheet.surface.V[low < high])
 
 
-LEAST = 1e-7  # Shorter parts and gaps of a segment are rounding errors; as a fraction of its length.
+LEAST = 1e-7  # Smallest part or gap of a segment, as a fraction of its length.
 
 
 class Spans(NamedTuple):
@@ -100,7 +101,8 @@ def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) 
 
 
 def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """Return start and end (q,) of each segment's part (q, 2, 2) in its triangle (q, 3, 2); end < start if outside."""
+    """Return start and end (q,) of each segment's part (q, 2, 2) in its triangle (q, 3, 2). Parts outside have end
+    < start."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
@@ -138,7 +140,7 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middle lines, each between two nodes. A segment on an edge may have two views, one from each face.
+    """Segments of middle lines between two nodes. A segment on an edge may have two views, one from each face.
 
     link   : (l, 2) nodes of the segments.    point : (nodes, 3) metres.
     of     : (v,) the segment of a view.      face  : (v,) the chart's face of a view.
@@ -156,8 +158,8 @@ class Chords:
     def from_chart(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
         """Return the segments of a family in faces with a phase and with half widths (n,) above 0 at all corners.
 
-             |                  A whole number k between the values at a face's corners gives a segment between two
-        ---o-+-o---  k          sides, or from a corner to a side. Two corners with the value k give a segment, too.
+             |                  A face has a segment of line k if k lies between the values at its corners.
+        ---o-+-o---  k          A side between two corners with the value k is a segment, too.
              |"""
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
         wide = chart.carry(half_width)[chart.surface.F].min(axis=1) > 0
@@ -191,8 +193,8 @@ class Chords:
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
     """Return the nodes (v, 2) at the ends of segments, and the points (nodes, 3) of all nodes, metres.
 
-    An end is a corner of the face (`at_corner`), or lies at the fraction `share` of the side that begins at the corner.
-    """
+    An end is a corner of the face (`at_corner`), or a point of the side that begins at the corner.
+    share : (v, 2) position of this point on the side, 0 to 1."""
     V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # joins the two sides of each cut
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
@@ -215,7 +217,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
     half_width : (n,) d in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : families whose members cross. A line that lies only in cells of these families is left out."""
+    passing    : families whose members cross. Lines only in cells of these families are left out."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -237,7 +239,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
     """Return the nodes (p, 2) of the parts of segments, and the points of all nodes, metres.
 
-    At most two parts share a node: each end that was cut off, or where over two segments meet, has its own node."""
+    At most two parts share a node. Ends that were cut off, and ends at crossings of segments, have their own nodes."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -274,9 +276,9 @@ Phase = Floats | CornerLines | None
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
     """Divide the outline of a material sheet into lines, at each change of family or stripe.
 
-    names  : names of the fields of the cut; a cell's `family` is an index into them.
-    phases : for each field. An edge belongs to the stripe k that is nearest to z in its cell. In a corner field, k may
-             change along a line; then the line gets the k of most of its length.
+    names  : names of the fields of the cut. The `family` of a cell is an index into `names`.
+    phases : for each field. An edge belongs to the stripe k that is nearest to z in its cell. A line in a corner field
+             gets the k of most of its length.
     Together the lines are the boundary of the sheet, each edge once, with the material on the left."""
     labels = outline_labels(sheet)
     stripes = _Stripes(sheet, uncut, phases, labels)
@@ -335,8 +337,8 @@ class _Stripes:
 def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
     """Return the middle lines z = k of one family's members on the sheet, for all whole numbers k.
 
-    phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d. Where d = 0, there is
-    no middle line. Both fields are linear in each cell of the sheet, so the lines are exact."""
+    phase, half_width : z and d (n,) on the uncut surface, in periods. Material is |z - k| < d; d = 0 means no member.
+    The lines are exact, because both fields are linear in each cell."""
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
     member = sheet.carry(np.minimum(half_width, 1.0))[sheet.surface.F].min(axis=1) > 0

@@ -1,7 +1,7 @@
 """Overlay: a finished sheet that is divided along the edges of all stripes, also where one stripe covers another.
 
-Later fields do not cut a cell that an earlier field made material. So the second member is missing at a crossing. Here
-the cells of the sheet are also divided along the edges of later fields:
+Later fields do not cut the material of earlier fields. So a crossing is a part of the first member only. The overlay
+also divides the cells along the edges of later fields:
 
      |     |              |     |
 -----+     +-----    -----+-----+-----     The cell * of the crossing is now a part of both members.
@@ -30,13 +30,13 @@ from dsfab.surface import CornerField, Surface, link_components
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """The stripes of one field of a cut: a place lies in a stripe if a level is between both values of the field.
+    """Stripes of one field of a cut. A place lies in a stripe if a level is between both values of the field.
 
-    family : name; fields of the same family do not cross each other.
+    family : name. Fields of the same family do not cross each other.
     field  : two values at corners of the uncut surface; or values (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
-    centre : on the middle line of a stripe, the mean of both values is the stripe's level + centre.
-    hides  : True if the stripe exists only in its own material, or in material of an earlier field that hides."""
+    centre : mean of both values on a stripe's middle line, minus the stripe's level.
+    hides  : True if only earlier fields with `hides` may cover the stripe."""
 
     family: str
     field: CornerField | Floats
@@ -49,13 +49,13 @@ class DrawnBand:
 class Overlay:
     """A material sheet that is also divided along hidden edges of stripes, and the stripes of each cell.
 
-    sheet  : m cells, all of them material; `family` is the field that made each cell.
+    sheet  : m cells, all of them material. `family` is the field that made each cell.
     source : (m,) the undivided cell that contains each cell.
     part   : (m, f) for each field, the number of the stripe that contains the cell; -1 for none.
     of     : (count,) the field of each stripe.    level : (count,) its level, on most of its area.
     own    : (m,) True for cells in a stripe of the field that made them material.
-    offset : (m, 3, f) field at the corners, minus its value on the stripe's middle line. No offset is 0, so this line
-             crosses two sides of a cell or none. At a common edge, two cells have the same offsets up to a sign."""
+    offset : (m, 3, f) field at the corners, minus its value on the stripe's middle line; never 0. Two cells have the
+             same offsets at their common edge, up to a sign."""
 
     sheet: Sheet
     source: Ints
@@ -124,10 +124,10 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class _BandOnCells:
-    """The values of a band on triangles.
+    """Values of a band on triangles.
 
     z : (m, 3) mean of both values at the corners, in the triangle's sign.    d : (m,) half of their difference.
-    number : (m,) the level nearest to z at the centroid.    off : (m,) the difference between both.
+    number : (m,) the level nearest to z at the centroid.    off : (m,) distance of z from this level.
     sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.
     blank : (m,) mask of triangles without values."""
 
@@ -168,7 +168,8 @@ class _BandOnCells:
     def offsets(self, in_stripe: Bools) -> Floats:
         """Return z - number (m, 3) on the triangles in the mask, NaN elsewhere.
 
-        A zero becomes a tiny number, with one sign in all triangles at its vertex: so every line crosses triangles."""
+        A zero becomes a tiny number with the same sign in all triangles at its vertex. So every line crosses triangles.
+        """
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < SAME_PHASE
         offset[zero] = 0.0

@@ -28,7 +28,7 @@ class Bays:
     """Middle lines of a family, in parts (b,). A bay lies between two crossings with members of the other family.
 
     piece  : (b,) the piece of `middles` that each part lies on.    at : (b, 3) barycentric coordinates of its middle.
-    length : (b,) length of each part, metres.    bay : (b,) number of the bay that it lies in.    count : of bays.
+    length : (b,) length of each part, metres.    bay : (b,) number of its bay.    count : of bays.
     angle  : (c,) angle between members at crossings, degrees, except in material other than stripes."""
 
     middles: StripeMiddles
@@ -69,7 +69,7 @@ class Bays:
 
 
 def bays(middles: StripeMiddles) -> Bays:
-    """Divide the middle lines of a family where the phase of the other family is a whole number: at crossings."""
+    """Divide the middle lines of a family at crossings: the phase of the other family is a whole number there."""
     chart, face = middles.drawn, middles.face
     other_family = 1 - middles.k
     corner = chart.surface.F[face]
@@ -103,7 +103,7 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Return the number of bays, and the bay of each part. Bays end at nodes in `barrier` (j,), not at others."""
+    """Return the number of bays, and the bay of each part. Bays end only at nodes in `barrier` (j,)."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -186,7 +186,7 @@ class Arms(NamedTuple):
     def is_hairpin(self, width: float) -> bool:
         """Return True if a member of this width, metres, ends or turns back here.
 
-        The function rotates both arms into one plane, so a member across a sharp edge of the surface is straight."""
+        Two arms are compared in one plane. So a member across a sharp edge of the surface is straight."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
         unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]
@@ -196,7 +196,7 @@ class Arms(NamedTuple):
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     """Return the arms of a sheet around a ball of `radius` metres at a place (3,); none if the ball has no vertex.
 
-    Faces that are large compared with the ball are divided first."""
+    Large faces near the ball are divided first."""
     sheet = _faces_near(sheet, place, radius)
     distance = np.linalg.norm(sheet.V - place, axis=1)
     inside = distance < radius
@@ -253,13 +253,13 @@ Quantiles = tuple[float, float, float]
 class FamilyQuality:
     """Quality of one family of members.
 
-    spacing    : metres from middle to middle: P5, median and P95 over the area where stripes are the only material.
+    spacing    : distance between middle lines, metres: P5, median and P95 over the area with stripes only.
     opening    : clear distance between neighbours, metres: P5, median and P95 over the open area.
-    deviation  : mean angle to the stress, degrees, weighted by area x stress along members x clarity of its direction.
-    off        : sum of these weights where members deviate by over 30 degrees, divided by the sum of all weights.
+    deviation  : mean angle to the stress, degrees. Weight: area x stress along members x clarity of its direction.
+    off        : fraction of this weight where members deviate by over 30 degrees.
     dead_ends  : see `dead_ends`.
-    slits      : number of openings narrower than the members beside them; before the cut, of such bays (see `Bays`).
-    slit_share : length of members beside such openings, divided by the length of all members.
+    slits      : number of openings narrower than the members beside them. Before the cut: number of such bays.
+    slit_share : fraction of the members' length beside such openings.
     drawn      : False without members; then all numbers are 0."""
 
     spacing: Quantiles
@@ -289,9 +289,9 @@ class PatternQuality:
     """Quality of both families together.
 
     crossing_angle : the smallest angle between two members that cross, degrees; 90 without crossings.
-    symmetry_error : fraction of the surface where material differs from its image under a symmetry of the design, the
-                     largest of all symmetries; None without symmetries.
-    turned         : rotation of the stripes from the stress, by the user, degrees; deviations are from this angle.
+    symmetry_error : fraction of the surface where material differs from its mirror or rotated image, the largest of all
+                     symmetries of the design; None without symmetries.
+    turned         : rotation of the stripes from the stress, by the user, degrees. Deviations are from this angle.
     titles         : names of both families in words."""
 
     major: FamilyQuality
@@ -347,8 +347,8 @@ def pattern_quality(
     """Measure the quality of a pattern.
 
     stress     : (m, 2) principal stresses along the major and the minor members.
-    direction  : (m, 2, 3) their unit directions.    confidence : (m,) clarity of these directions, 0 to 1.
-    guided     : (m,) faces where members follow a guide, and so may turn back; default none."""
+    direction  : (m, 2, 3) unit directions of these stresses.    confidence : (m,) clarity of these directions, 0 to 1.
+    guided     : (m,) faces where members follow a guide. There they may turn back. Default: none."""
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
     families = [_family(chart, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
     angles = np.concatenate([cut.angle for _, cut in families])

@@ -42,7 +42,7 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Trace lines (k,) to the boundary, from `place` (k,) metres along half-edges (k,), at right angles to these.
+    """Trace lines (k,) to the boundary, perpendicular to half-edges (k,), from `place` (k,) metres along them.
 
     reach : metres; a longer line may stay without an end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
@@ -97,10 +97,10 @@ def _frames(surface: Surface) -> Floats:
 
 MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
-"""Starts of lines on a wall: its middle, and near both ends, where the shortest lines between polylines start."""
+"""Starts of lines on a wall: its middle, and near its ends. The shortest lines between polylines start near an end."""
 OPPOSED = float(np.sin(np.radians(20)))
 """Walls at over 20 degrees are not opposite: they meet at a corner, so their distance is not a width."""
-TAPER = float(np.radians(1.5))  # Walls may end in a tip if the angle between them is at least this.
+TAPER = float(np.radians(1.5))  # Smallest angle between the walls of a tip, radians.
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ def crossings(
     """Measure the width of a sheet from all its walls.
 
     surface : an edge-manifold sheet.
-    walls   : (e,) the boundary edges that are walls; lines that end at other edges are left out.
+    walls   : (e,) the boundary edges that are walls. Lines that end at other edges are left out.
     start   : (e,) walls at which lines start; default all.    shares : positions of starts on each wall, 0 to 1.
     tips    : True to count lines in tips.    reach : metres; longer lines may be left out."""
     starting = walls if start is None else walls & start
@@ -164,7 +164,7 @@ def crossings(
 
 
 def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
-    """Return the nearest point to each line's start on the half-edge at the line's end; and the distance, metres.
+    """Return the point nearest to each line's start on the half-edge at the line's end, and the distance, metres.
 
           o start
          /|           The nearest point is the foot of the perpendicular from the start,
@@ -183,8 +183,8 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
     slope : (k,) cosine between a line and the half-edge at its end; negative if walls converge along this half-edge.
 
-    Two walls at an angle a, joined by a line of length w, meet at a distance w / (2 tan(a / 2)) from the line. A line
-    is in a tip if the walls from the line to the tip have 0.4 to 1.7 times the length of both these sides."""
+    Straight walls at an angle a meet at a distance of w / (2 tan(a / 2)) from a line of length w. In a tip, the walls
+    from the line to the tip have 0.4 to 1.7 times the length of two such distances."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -204,7 +204,7 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
     """Return for boundary half-edges (3 m,) the loop, metres along it to the middle, and whether directions agree.
 
-    Returns also the length of each loop. The faces need no common orientation."""
+    Return also the length of each loop. The faces need no common orientation."""
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
     label, chain, loops = _loop_chains(surface.edges.ends[edge])
@@ -247,7 +247,7 @@ ROUNDING = 1e-6  # Widths may be below a limit by this fraction of it.
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest member, gap or edge: size in metres, place (3,), name in words, and the mesh's width there."""
+    """The smallest member, gap or edge: size in metres, place (3,), name in words, and local width of the mesh."""
 
     size: float
     place: Floats
@@ -278,10 +278,10 @@ class Features:
         return weighted_quantiles(self.widths, self.weight, shares) if self.weight.sum() else np.empty(0)
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
-        """Return limits (b + 1,) of bins of width, from 0, metres, and the fraction (b,) of wall length in each.
+        """Return limits (b + 1,) of bins of width, from 0, metres, and the fraction (b,) of wall length in each bin.
 
-        limit : a width, metres, at which a bin ends; 0 for none. The last bin holds all widths over P99 or 3 medians,
-                because broad plates at a crown or a foot would make the bins too wide. Both results may be empty."""
+        limit : a width, metres, at which a bin ends; 0 for none. The last bin holds all widths above P99 or 3 medians.
+        Both results may be empty."""
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
         usual, widest = self.quantiles([0.5, 0.99]).tolist()
@@ -296,9 +296,9 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Return limits (b + 1,) of about `count` equal bins from 0 to `end`; one ends at `limit`, if this is smaller.
+    """Return limits (b + 1,) of about `count` equal bins from 0 to `end`; one bin ends at `limit`, if this is smaller.
 
-    If this needs over `largest_count` bins, only the first bin ends at the limit, and it is narrower."""
+    If over `largest_count` bins are necessary, only the first bin ends at the limit, and it is narrower."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))
@@ -308,14 +308,14 @@ def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) ->
 
 
 def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = False) -> Features:
-    """Measure a cut sheet.
+    """Measure the smallest sizes of a cut sheet.
 
     cells : all cells, material and void.    built : (m',) cells of the structure.    names : of the fields, see `cut`.
+    tips  : True to measure gaps in tips, too.
 
-    Widths and gaps are lengths of the lines in `crossings`, on the sheet itself. They are exact between straight
-    walls. If walls bend by an angle a from edge to edge, the error is up to 1 - cos a. Gaps in tips count if `tips` is
-    set. Corners between walls at more than 20 degrees never count. Some pieces and openings are too small or too round
-    for such lines. Their size is 4 area / perimeter: in a triangle or a square, the diameter of the inner circle."""
+    Widths and gaps are lengths of the lines in `crossings`. They are exact between straight walls. If walls bend by an
+    angle a from edge to edge, the error is up to 1 - cos a. Walls at over 20 degrees form a corner without width.
+    Pieces and openings without such lines have the size 4 area / perimeter."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
@@ -334,7 +334,8 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """Return a mask (m',) of the material cells that are also in `sheet`, which has some connected pieces of them."""
+    """Return a mask (m',) of the material cells that are also in `sheet`, which has connected pieces of the
+    material."""
     material = cells.material
     if material.sum() == sheet.surface.m:
         return np.asarray(material)
