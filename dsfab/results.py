@@ -44,7 +44,7 @@ class StaticsResult:
     """Stage 2, on the uncut surface: load, equilibrium, stress (m, 3, 3), Pa, and answers, for all cases together.
 
     cases      : load cases by name, then the combinations. The next stage selects the stress of a case.
-    objections : reasons against building, in sentences, the gravest first (`dsfab.design.buildability`)."""
+    objections : reasons against building, in sentences, the most serious first (`dsfab.design.buildability`)."""
 
     load: LoadCase
     equilibrium: Equilibrium

@@ -39,7 +39,7 @@ USUAL = Output()
 
 
 class BuildPage:
-    """Prints the results of a build as soon as they are known. faulty : True if the design does not carry its loads."""
+    """Printer of a build's results as soon as they are known. faulty : True if the design does not carry its loads."""
 
     def __init__(self, output: Output) -> None:
         self.output, self.faulty, self._count = output, False, 0

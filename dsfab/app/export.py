@@ -189,7 +189,7 @@ def _export_request(
         holds = ", ".join(key[1:] for key, form in meshes.items() if form.sheets)
         raise ExportError(f"a {suffix} file holds only solids; leave out --sheet, or write one of {holds}")
     if suffix not in meshes:
-        raise ExportError(f"a {suffix} file cannot hold another sheet; leave out --sheet")
+        raise ExportError(f"a {suffix} file has no choice of sheets; leave out --sheet")
     return ExportRequest(suffix, path, sheet)
 
 

@@ -50,7 +50,7 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
 
 
 def _pointing(axes: Floats) -> Floats:
-    """Reverse unit vectors (d, 3) where necessary, so that each one's coordinate of largest magnitude is positive."""
+    """Reverse each of the unit vectors (d, 3) whose coordinate of largest magnitude is negative."""
     largest = np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1)
     return np.asarray(axes * np.where(largest < 0, -1.0, 1.0))
 

@@ -17,7 +17,7 @@ from dsfab.surface import Surface, chains
 TURN = np.radians(60)
 """A line is divided into two members if it bends within the surface by more than this angle along `WINDOW` widths."""
 WINDOW, STEPS = 1.5, 4  # Length in widths along which bends are measured, and its number of steps.
-SPECK = 1.0  # Least length, in widths, of a further line of a stripe.
+SPECK = 1.0  # Shorter lines of a stripe (length in widths) are left out, except the longest line.
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return where the offset is 0 on sides (c, 2) of cells: (c, 2), 0 at the lower vertex number, 1 at the other."""
+    """Return the places (c, 2) of offset 0 on sides (c, 2) of cells: 0 at the lower vertex number, 1 at the other."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -182,7 +182,7 @@ def _bend(turn: Floats) -> tuple[int, int]:
     return begin, end
 
 
-KNOTS, COARSE = 4.0, 2.0  # First distance between knots of an axis: in widths of the member, and least in edges.
+KNOTS, COARSE = 4.0, 2.0  # First distance between knots of an axis: KNOTS widths or COARSE edges, the larger.
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,7 +127,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of the stripes of a field. Stripes without a middle have lines at mean offsets."""
+    """Return the middle lines of the stripes of a field. Stripes beside the middle have lines at mean offsets."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]

@@ -16,10 +16,10 @@ PartKind = Literal["column", "wall", "hanger", "abutment"]
 
 HEADROOM = 2.2  # smallest height (m) of a structure above a ground at height 0
 PLINTH = 0.012  # height of the lowest columns and walls, divided by the structure's size
-COLUMN_EXTENT = 0.08  # extent of a support in plan / size of the structure below which it becomes a column
+COLUMN_EXTENT = 0.08  # a support becomes a column if its extent in plan / size of the structure is smaller
 LOW_SHARE = 0.25  # a support below this share of the structure's height is never an abutment
 STEEP = 0.2  # smallest slope towards a support from which a structure hangs
-UPRIGHT = 3.0  # smallest height of an upright edge / extent of the edge in plan
+UPRIGHT = 3.0  # an edge is upright if its height / its extent in plan is larger
 SOIL_SHARE = 0.5  # supported share of the area above which a slab lies on soil
 CORNERS, MOST_PARTS = 20, 40  # corners of a round column; largest number of columns or rods of a support
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # divided by the structure's size

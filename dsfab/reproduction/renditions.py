@@ -22,7 +22,7 @@ LETTER: Mapping[str, Any] = {
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
 }
-"""The paper's settings of keys that presets may set otherwise; modes, frequencies and phases are those of Table 1."""
+"""The paper's values of keys that may differ in presets. Modes, frequencies and phases are those of Table 1."""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
@@ -33,7 +33,7 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "pattern.keep": (0.0, "material kept around loads and supports"),
     "pattern.rim": (0.0, "a rim kept along the boundary"),
 }
-"""Keys that presets may set otherwise than the paper: the paper's value, and a text for any other value."""
+"""Keys whose values in presets may differ from the paper's: the paper's value, and a text for any other value."""
 
 SHARES = (0.3, 0.5)  # least and largest share of material for the rendition with evenly spaced stripes
 

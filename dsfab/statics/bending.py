@@ -61,7 +61,7 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    K_b converges to Kirchhoff's plate on every mesh. Coarse meshes are too soft."""
+    Deflections converge to those of Kirchhoff's plate on every mesh. Coarse meshes are too soft."""
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
     return assemble_blocks(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
@@ -104,7 +104,7 @@ def moment_loads(surface: Surface) -> Floats:
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    Only bubbles along mean normals of edges bend the faces; else coarse meshes of curved sheets are too stiff."""
+    Only normal bubbles bend the faces. With all bubbles, coarse meshes of curved sheets would be too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)

@@ -15,8 +15,8 @@ from dsfab.surface.mesh import Surface
 
 
 def facet_number(surface: Surface, thickness: float) -> float:
-    """Return L^2 / (R h), the median of all edges: an edge's length times its fold angle, divided by the thickness.
-    A load on a flat face of a curved sheet bends this face between its edges; errors of `hhj` grow with the number.
+    """Return L^2 / (R h): edge length times fold angle, divided by the thickness (median of all edges).
+    A load on a flat face of a curved sheet bends this face between its edges. So errors of `hhj` grow with the number.
     On spheres under pressure, the largest stress is too large by about 0.9 times the number."""
     faces = surface.edges.pairs // 3
     if not len(faces):
@@ -46,7 +46,7 @@ def face_moments(
 
 
 def hinge_energy(surface: Surface, material: Material, thickness: float, answer: Equilibrium) -> Floats:
-    """Return the energy of each face (m,), J: half the sum of the energies of its hinges (`hinge_blocks`)."""
+    """Return the energy of each face (m,), J. A hinge (`hinge_blocks`) gives half of its energy to each face."""
     hinge = hinges(surface)
     gradients, weight = angle_gradients(surface, hinge)
     turned = np.einsum("ikx,ikx->i", gradients, answer.u[hinge])

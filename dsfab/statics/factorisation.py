@@ -23,7 +23,7 @@ ROWS = 1 << 16
 
 
 class LinearMap(Protocol):
-    """A matrix that multiplies vectors, and has a copy in another precision (`astype`)."""
+    """A matrix that multiplies vectors. `astype` returns a copy in another precision."""
 
     def __matmul__(self, x: Any, /) -> Any: ...
 
@@ -86,7 +86,7 @@ def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
     Raises StaticsError if the matrix is not positive definite."""
     diagonal = K.diagonal()
     free = np.flatnonzero(~is_held & (diagonal > 0))
-    # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
+    # Jacobi scaling: the membrane stiffness is about (size / thickness)^2 times the bending stiffness
     scale = 1 / np.sqrt(diagonal[free])
     points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
     node = np.where(free < 3 * surface.n, free // 3, surface.n + (free - 3 * surface.n) % len(surface.edges.ends))
@@ -162,7 +162,7 @@ def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats])
 
 
 def _energy_share(r: Floats, step: Floats, b: Floats, x: Floats) -> Floats:
-    """Return sqrt(|r . K^-1 r| / b . x) of each column; 0 if the load does no work."""
+    """Return each column's relative residual sqrt(|r . step| / b . x), with `step` = K^-1 r; 0 if b does no work."""
     energy = np.sum(b * x, axis=0)
     share = np.abs(np.sum(r * step, axis=0)) / np.where(energy > 0, energy, np.inf)
     return np.asarray(np.sqrt(share))

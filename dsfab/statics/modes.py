@@ -77,7 +77,7 @@ MODE_RESIDUAL = 1e-3
 """Largest accepted relative residual of a mode, in the norm of the stiffness.
 The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
 
-INDEPENDENT = 1e-6  # Least energy of a combination of vectors of energy 1; less is a rounding error.
+INDEPENDENT = 1e-6  # A combination of vectors of energy 1 that has less energy than this is a rounding error.
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ def buckling(
 ) -> Buckling:
     """Return the lowest positive load factors of linear buckling: K x = factor (-K_g) x.
     Loads keep their direction: a pressure does not rotate with the sheet. Displacements before buckling are neglected.
-    Real thin shells buckle well below it, axially loaded cylinders at 0.2 to 0.5 of it [Koiter 1945; NASA SP-8007].
+    Real thin shells buckle well below these factors, cylinders at 0.2 to 0.5 of them [Koiter 1945; NASA SP-8007].
 
     answer   : equilibrium under `load`, by any elements; its membrane stress loads the sheet.
     elements : elements of the modes. `midedge` has false local modes at needles (very thin triangles).
@@ -245,7 +245,7 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
-    """Return slopes (m, 2, 5, c) of each face along both tangents per unit unknown, and its unknowns (m, c).
+    """Return slopes (m, 2, 5, c) of each face along both tangents, for a unit of each unknown, and its unknowns (m, c).
     The five slopes are the means of x, y and z, and those from the curvature at two quadrature points.
     All slopes are multiplied by the square root of the area, so that K_g is the sum of slope . N slope."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
@@ -332,7 +332,7 @@ def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) ->
 
 def _refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
     """Return eigenvalues (k,), vectors (N, k) and last changes (k,) of the eigenvalues [Davidson 1975].
-    If edges are far shorter than the thickness, rounding gives exact vectors large residuals; eigenvalues converge."""
+    If edges are far shorter than the thickness, rounding makes residuals large, although the eigenvalues converge."""
     K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)
     Kx = (K @ x).astype(np.float64)
     for _ in range(REFINEMENTS):
@@ -341,7 +341,7 @@ def _refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> 
         steps, _ = refined_solution(factor.map, A @ x - mu * Kx, factor.solve)
         moves = (K @ steps).astype(np.float64)
         energies = np.sqrt(np.einsum("nk,nk->k", steps, moves).clip(0))
-        inexact = energies > MODE_RESIDUAL * mu  # steps of exact vectors are rounding errors
+        inexact = energies > MODE_RESIDUAL * mu  # the others are exact: their steps are rounding errors
         basis = np.concatenate([x, steps[:, inexact] / energies[inexact]], axis=1)
         forces = np.concatenate([Kx, moves[:, inexact] / energies[inexact]], axis=1)
         energy = basis.T @ forces

@@ -56,7 +56,7 @@ def rib_shape(surface: Surface) -> RibShape:
 
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:
-    """Return radii (k,) of the largest empty discs that touch the border in points (k, 3) from the inner side.
+    """Return radii (k,) of the largest empty discs that touch the border from inside, at points (k, 3).
     Small discs grow until they contain another point, then shrink until they are empty [Ma, Bae and Choi 2012]."""
 
     def blocked(discs: Ints) -> tuple[Bools, Floats]:
@@ -66,7 +66,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         high = np.einsum("kx,kx->k", n, offset)
         shorter = np.einsum("kx,kx->k", offset, offset) / np.maximum(2 * high, np.finfo(float).tiny)
         opening = np.arccos(np.clip(1 - high / np.maximum(shorter, np.finfo(float).tiny), -1, 1))
-        # points that lie deeper than a thousandth of the radius block a disc
+        # a point blocks a disc if it lies inside by more than a thousandth of the radius
         return (away < (1 - 1e-3) * r) & (high > 0) & (shorter < r) & (opening > APART), shorter
 
     radius = np.full(len(points), min(small, largest))

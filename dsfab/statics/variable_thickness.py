@@ -16,9 +16,9 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4
-"""Least thickness, as a fraction of the sheet's thickness, so that omitted faces still have a direction of force."""
+"""Least thickness, as a fraction of the sheet's thickness, so that empty faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Fractions of the sheet's thickness: largest change of a face in the last step, and in any step. Then, most steps."""
+"""Largest change of a face, as a fraction of the sheet's thickness: in the last step, and in any step. Most steps."""
 
 
 class VaryingSheet(NamedTuple):

@@ -143,7 +143,7 @@ class Published:
     """One published value, divided by the reference of its source.
 
     cells    : number of cells of this test's mesh; None if the source has only a `note`, such as "coarse mesh".
-    unknowns : number of unknowns of the source's mesh; None if it equals the test's mesh. With a number, `cells`
+    unknowns : number of unknowns of the source's mesh; None if the test's mesh has as many. With a number, `cells`
                belongs to the next coarser mesh of the test."""
 
     test: str

@@ -45,7 +45,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft that the page shows. `version` changes unless only widths of stripes or the choice of modes change."""
+    """A draft that the page shows. `version` stays the same if only widths of stripes or the choice of modes change."""
 
     draft: Design
     number: int
