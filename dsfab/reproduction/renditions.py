@@ -145,7 +145,7 @@ def _carried_share(design: Design) -> float:
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
     """Return compliance / compliance of an uncut sheet, compliance / compliance of a thinner sheet, and a reason or ''.
-    Both ratios are nan without loads, and infinite if the design does not carry its loads for this reason."""
+    Both ratios are nan without loads. If the design does not carry its loads, they are infinite, with the reason."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

@@ -48,7 +48,7 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
 
 
 Index = npt.NDArray[np.integer[Any]]
-"""Integers of a sparse matrix. Four bytes each save memory, because every entry of the matrix has an index."""
+"""Indices of a sparse matrix. They have four bytes to save memory, because every entry of the matrix has an index."""
 
 CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 """The six pairs of the four vertices of a hinge, see `hinges`."""

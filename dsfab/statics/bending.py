@@ -29,7 +29,7 @@ from dsfab.surface.mesh import Surface
 
 
 def curvatures(surface: Surface) -> Floats:
-    """Return each face's curvature (m, 3, 12), (xx, yy, 2 xy), for unit moves of corners and rotations of edges.
+    """Return each face's curvature (m, 3, 12), (xx, yy, 2 xy), for unit displacements of corners, rotations of edges.
     The curvature is constant on a face [Morley 1968; Grinspun et al. 2006 for surfaces]:
 
         kappa = 1/A sum over half-edges j -> k of  -s l omega m m^T + (w_k - w_j) sym(t m^T)
@@ -40,7 +40,7 @@ def curvatures(surface: Surface) -> Floats:
     length, t, m = half_edge_frames(surface)
     rows = np.empty((surface.m, 12, 3))
     step = voigt(t, m)
-    # corner c begins half-edge c and ends half-edge c - 1
+    # half-edge c begins at corner c, half-edge c - 1 ends there
     corner = np.roll(step, 1, axis=1) - step
     normal = np.cross(frame[:, 0], frame[:, 1])
     rows[:, :9] = (corner[:, :, None, :] * normal[:, None, :, None]).reshape(-1, 9, 3)

@@ -32,7 +32,7 @@ def face_moments(
     """Return moments per length (m, 3 corners, 3), (xx, yy, xy), newtons, at each face's corners in its tangent frame.
     answer : solution by `elements`. A sheet that was solved in its plane has no moments.
 
-    `midedge` : constant on each face. The error of a mean of many faces is proportional to the mesh width.
+    `midedge` : constant on each face. A mean of many faces has an error in proportion to the mesh width.
     `hhj`     : linear on each face, computed again from the displacements [Hellan 1967].
     `hinge`   : constant on each face, for pictures only. Single faces have errors of 8 to 60 %. Moments at free edges
                 are too small, because a free edge is not a hinge."""

@@ -15,7 +15,7 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Relative residual above which dsfab refines solutions: 0.1 `REPORTED_RESIDUAL`, to allow for rounding errors."""
+"""Relative residual above which dsfab refines solutions: a tenth of `REPORTED_RESIDUAL`, to allow for rounding."""
 
 REFINEMENTS = 6  # Largest number of refinement steps; two or three usually suffice.
 ROWS = 1 << 16
@@ -62,7 +62,7 @@ class Factor:
     """A factorised stiffness.
     K     : stiffness of all unknowns.    free : (N,) unknowns that move.
     scale : (N,) 1 / square root of the diagonal of K at `free`.
-    solve : inverse of the scaled stiffness, a function of the right-hand side."""
+    solve : function that solves the scaled equations for a right-hand side."""
 
     K: csr_array
     free: Ints

@@ -295,7 +295,7 @@ def _supported_modes(
 
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and x (k, u), for the factor of K.
-    are_results : False if the vectors are only used as a basis; residuals up to `MODE_RESIDUAL` save time.
+    are_results : False if the vectors are only a basis: then residuals may reach `MODE_RESIDUAL`, to save time.
     Raises StaticsError if the modes do not converge, or if results are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:

@@ -36,7 +36,7 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support's forces and torques on the sheet.
-    The torque of an edge goes to the supports that clamp it, else to those of its ends. Clamped edges of the sheet
+    The torque of an edge goes to supports that clamp it, else to the supports of its ends. Clamped edges of the sheet
     itself (`SheetModel.clamped`) belong to no support, so the reactions may not balance the loads."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)

@@ -65,7 +65,6 @@ SMOOTH = np.cos(np.radians(30))
 """Cosine of 30 degrees. A face lies across a fold if its normal and the mean normal at a corner differ by more."""
 
 WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of places of xx, yy, zz, yz, xz, xy in a tensor.
-
 HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
 
 

@@ -1,4 +1,4 @@
-"""The stiffest sheet of varying thickness, in which no face is thicker than the whole sheet.
+"""The stiffest sheet of varying thickness, in which no face is thicker than the given sheet.
 
 The problem is convex, so the result does not depend on the start [Cheng, Olhoff 1981; Petersson 1999].
 No sheet of the same area with openings is stiffer on the same mesh."""
@@ -23,7 +23,7 @@ SETTLED, MOVE, STEPS = 0.01, 0.2, 40
 
 class VaryingSheet(NamedTuple):
     """A sheet of varying thickness.
-    thickness  : (m,) fraction of the whole sheet's thickness, 0 to 1.
+    thickness  : (m,) fraction of the given sheet's thickness, 0 to 1.
     compliance : weighted sum of the loads' compliances, joules, by constant strain and mid-edge bending.
     forces     : (m, 3, 3) membrane forces, N/m, for each load, symmetric and tangent to each face."""
 
