@@ -53,7 +53,7 @@ class BuildPage:
             self._count += 1 + line.count("\n")
 
     def announcements(self, design: "Design", reporter: Reporter, picture: bool) -> "Announcements":
-        """Return functions that print the verdict, and the path of the picture while slow files are made."""
+        """Return a function that prints the verdict, and one that prints the picture's path before slow files exist."""
         from dsfab.report.design.save import Announcements
 
         def print_verdict(judged: "Carrying") -> None:

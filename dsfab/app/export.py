@@ -40,7 +40,7 @@ GROUPS = {
     "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Titles of groups of formats, by the content of their files. Other contents are their own titles."""
+"""Titles of groups of formats, by the content of their files. All other contents serve as titles themselves."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "

@@ -66,7 +66,7 @@ class MiddleLine:
 
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of the stripes of field k, by stripe, the longest first.
+    """Return the middle lines of each stripe of field k, by the stripe's number; the longest line is first.
     offset  : (m, 3) offset from the middle at the corners of cells, never 0. Its sign changes on a middle line.
     normals : (n, 3) unit normals at the vertices of the overlay."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
@@ -109,7 +109,7 @@ def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
-    """Divide a line at bends within the surface of more than `TURN`.
+    """Divide a line where it bends within the surface by more than `TURN`.
     Bends are measured along 1.5 `width` or one `edge` (m), the longer of these two lengths. Short parts at both ends
     are dropped, because a line bends towards the rim around a kept support."""
     window = max(WINDOW * width, edge)

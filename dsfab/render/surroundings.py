@@ -73,7 +73,7 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
 
 
 def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
-    """Return the horizontal direction (3,) to the supports of a cantilever; None for low supports or several sides."""
+    """Return the horizontal direction (3,) to the supports of a cantilever; None if they are low or on many sides."""
     side, heights = support_side(surface, load, surface.size, up), surface.V @ up
     low = heights.min() + LOW_SHARE * np.ptp(heights)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
@@ -100,8 +100,8 @@ def _extent(points: Floats, axis: Floats) -> float:
 
 
 def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, half: float) -> float:
-    """Return the height of the ground, m: 0 with headroom below the structure, else a plinth below its lowest point.
-    A structure on hangers alone has headroom. half : half of the structure's thickness, m."""
+    """Return the height of the ground, m: 0 with headroom below the structure, else `PLINTH` below its lowest point.
+    A structure that only hangs has headroom. half : half of the structure's thickness, m."""
     lowest, size = float((surface.V @ up).min()) - half, surface.size
     if HEADROOM < lowest < size:
         return 0.0

@@ -110,7 +110,7 @@ def measured_rendition(
     name: str, base_design: Design, settings: Mapping[str, Any], uncut_compliance: dict[str, float] | None = None
 ) -> Rendition:
     """Return a rendition with its measures. Unchanged stages of `base_design` are used again.
-    uncut_compliance : compliance of the uncut sheet by material law; this function adds values for further calls."""
+    uncut_compliance : compliances of the uncut sheet by material law; this function stores new values in it."""
     try:
         preset = with_overrides(base_design.preset, dict(settings)) if settings else base_design.preset
         design = draft(preset, earlier=base_design)

@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 
 def hinges(surface: Surface) -> Ints:
-    r"""Return the vertices (i, 4) of each hinge: two faces with a common edge. Numbers in the picture are columns.
+    r"""Return the vertices (i, 4) of each hinge (two faces with a common edge), in the order of this picture.
 
           2
          / \

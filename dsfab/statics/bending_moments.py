@@ -1,6 +1,6 @@
 """Bending moments on each face from a solved sheet, for every kind of bending.
 
-A positive moment compresses the side of the normals and stretches the opposite side."""
+A positive moment compresses the side to which the normals point, and stretches the opposite side."""
 
 import numpy as np
 

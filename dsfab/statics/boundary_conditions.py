@@ -199,7 +199,7 @@ class SpreadLoad:
         return force
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
-        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on a unit of each bubble.
+        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load for a unit of each bubble.
         The integral of a bubble is A / 3 on a face, and 2 l / 3 on an edge."""
         work = self.edge * _lengths(surface) * 2 / 3
         np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))

@@ -114,7 +114,7 @@ def frequencies(
 ) -> Vibration:
     """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass, no rotary inertia.
 
-    sheet     : sheet with the mass density x thickness per area.
+    sheet     : its mass per area is density times thickness.
     fixed     : (n, 3) fixed directions.    spring : (n, 3) stiffness of elastic supports, N/m.
     K         : stiffness of the sheet without springs, if the caller has computed it.
     factor_of : function that factorises K, for instance the cache of an `equilibrium`.
@@ -167,7 +167,7 @@ MODES_BESIDE_LOCAL = 6  # number of modes to compute if the first is local
 
 def moved_share(surface: Surface, shapes: Floats) -> Floats:
     """Return the share (k,) of the area that each shape (k, n, 3) moves: (integral of u^2)^2 / (A integral of u^4).
-    The share is exact for a part that moves evenly [participation ratio, Bell and Dean 1970]."""
+    The share is exact if one part moves evenly and the rest not at all [participation ratio, Bell and Dean 1970]."""
     squares = (shapes**2).sum(axis=2)
     area = surface.vertex_areas
     return np.asarray((squares @ area) ** 2 / (area.sum() * (squares**2 @ area)))

@@ -71,7 +71,7 @@ class SupportEntry:
     area     : m2 of the faces with three supported corners.
     holds    : fixed directions, springs and clamping, such as 'xyz', 'z, clamped' or 'spring xy'.
     reaction : (3,) newtons on the sheet, by case.
-    share    : share of the sum of all supports' force magnitudes, 0 to 1, by case."""
+    share    : its part of the sum of the magnitudes of all support forces, 0 to 1, by case."""
 
     name: str
     vertices: int

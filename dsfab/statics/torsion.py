@@ -14,8 +14,8 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""Least angle between two points that touch a disc on different sides of the material, seen from the disc's centre.
-Nearer points belong to a kink of one side [Ma, Bae and Choi 2012]."""
+"""Least angle, seen from the centre of a disc, between two points of the disc on different sides of the material.
+Points at a smaller angle lie on the same side, at a kink [Ma, Bae and Choi 2012]."""
 
 
 def torsion_share(ratio: Floats) -> Floats:

@@ -120,7 +120,7 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a strip as quads (q, 4, 3): about `piece` metres long, or for a slotted strip from corner to corner."""
+    """Return a strip as quads (q, 4, 3), each about `piece` metres long, or from corner to corner if it has slots."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:

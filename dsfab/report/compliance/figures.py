@@ -287,7 +287,7 @@ class FindingsPictures:
 
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
-    """Return the enlargement of a preview's letters that makes them `points` high on paper.
+    """Return the factor by which a preview's letters must grow to be `points` high on paper.
     size : size of the picture, pixels.    width : width of the picture / width of the report's text."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))
