@@ -226,7 +226,7 @@ class PatternResult:
         return self.fields, self.levels, self.tidy
 
     def with_trial(self, trial: TrialCut | None) -> "PatternResult":
-        """Return the pattern with a trial cut, if this pattern was the input of the cut; else unchanged."""
+        """Return the pattern with a trial cut if the cut was made from this pattern; else return it unchanged."""
         return replace(self, trial=trial) if trial and trial.is_cut_of(self.cut_inputs) else self
 
     def half_width(self, family: str) -> Floats:

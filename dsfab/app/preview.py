@@ -41,7 +41,7 @@ SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequenc
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
-    """Return the pictures in a text such as 'all' or 'structure,stress'. Raises DsfabError for an unknown picture."""
+    """Return the pictures that a text such as 'all' or 'structure,stress' names. Raises DsfabError for unknown names."""
     from dsfab.render.colouring import MODE_FIELDS, check_show
 
     names: list[str] = []

@@ -192,7 +192,7 @@ class SpreadLoad:
         return cls(face, edge)
 
     def vertex_forces(self, surface: Surface) -> Floats:
-        """Return forces (n, 3), N: a third of each face's force at its corners, half of each edge's at its ends."""
+        """Return forces (n, 3), N: each corner gets a third of a face's force, each end half of an edge's force."""
         force = np.zeros((surface.n, 3))
         np.add.at(force, surface.F.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         np.add.at(force, surface.edges.ends.ravel(), np.repeat(self.edge * _lengths(surface) / 2, 2, axis=0))

@@ -161,7 +161,7 @@ def buckling(
 
 
 LOCAL_SHARE = 0.02
-"""A mode is local if it moves less than this fraction of the sheet's area, such as a bay or a loose end."""
+"""A mode is local if it moves less than this fraction of the sheet's area, for example only a loose end."""
 MODES_BESIDE_LOCAL = 6  # number of modes to compute if the first is local
 
 

@@ -308,7 +308,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return a line for each test that the paper's elements fail, with published results of constant strain."""
+    """Return a line for each test that the paper's elements fail, with published results of such elements."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]

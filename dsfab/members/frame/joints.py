@@ -119,7 +119,7 @@ Trees = Mapping[str, tuple[cKDTree, Floats]]
 
 
 def join_ends(joints: AxisJoints) -> None:
-    """Join ends without a node to the nearest axis and adjacent members; shorten members that pass their last node."""
+    """Join ends without a node to the nearest axis and adjacent members; shorten members to their last node."""
     samples = [(member, *_samples(member)) for member in joints.members_with_axis]
     trees = {member.id: (cKDTree(P), s) for member, s, P in samples}
     open_ended = [member for member in joints.members_with_axis if member.axis and not member.axis.closed]
