@@ -41,7 +41,7 @@ SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequenc
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
-    """Return the pictures that a text such as 'all' or 'structure,stress' names. Raises DsfabError for unknown names."""
+    """Return the pictures that a text names, such as 'all' or 'structure,stress'. Raises DsfabError for other words."""
     from dsfab.render.colouring import MODE_FIELDS, check_show
 
     names: list[str] = []

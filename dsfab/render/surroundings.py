@@ -110,7 +110,7 @@ def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, 
 
 
 def support_part(surface: Surface, support: SupportPart, half: float, ground: float) -> MarkMesh:
-    """Return the mesh of a part (metres). ground : its height (m). half : as for `ground_level`."""
+    """Return the mesh of a part, metres. ground : height of the ground, m. half : as for `ground_level`."""
     size, along, among = surface.size, support.along, support.vertices
     begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # surface of the solid
     deepest, V = float(begin[among].max()), surface.V.copy()

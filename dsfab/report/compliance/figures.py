@@ -217,7 +217,7 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, task.surface, task.statics.load)
 
     def all_material(self, caption: str, width: float) -> ReportFigure:
-        """Draw all material of the pattern with its loads and supports, and parts that reach no support in red."""
+        """Draw all material of the pattern with its loads and supports; parts that reach no support are red."""
         structure, task = self.findings.structure, self.findings.task
         family = np.where(kept_cells(structure.material, structure.sheet), -1, 0)
         red, material = replace(WHITE, families=(RED,)), structure.material.surface
