@@ -44,7 +44,7 @@ class StaticsResult:
     """Stage 2, on the uncut surface: load, equilibrium, stress (m, 3, 3), Pa, and answers, for all cases together.
 
     cases      : load cases by name, then the combinations. The next stage selects the stress of a case.
-    objections : reasons against building, in sentences, the gravest first (`dsfab.design.buildability`)."""
+    objections : reasons against building, in sentences, the most serious first (`dsfab.design.buildability`)."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -226,7 +226,7 @@ class PatternResult:
         return self.fields, self.levels, self.tidy
 
     def with_trial(self, trial: TrialCut | None) -> "PatternResult":
-        """Return the pattern with a trial cut, if this pattern was the input of the cut; else unchanged."""
+        """Return the pattern with a trial cut if the cut was made from this pattern; else return it unchanged."""
         return replace(self, trial=trial) if trial and trial.is_cut_of(self.cut_inputs) else self
 
     def half_width(self, family: str) -> Floats:

@@ -41,7 +41,7 @@ class Expected:
     set_: Set = ()
 
     def preset_name(self, file: Path) -> str | None:
-        """Return the preset of the command line, or the preset file beside the checked file; None without both."""
+        """Return the preset of the command line, or the preset file beside the checked file; None if neither exists."""
         neighbour = file.parent / "preset.toml"
         return self.preset if self.preset is not None else str(neighbour) if neighbour.is_file() else None
 

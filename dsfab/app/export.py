@@ -40,7 +40,7 @@ GROUPS = {
     "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Titles of groups of formats, by the content of their files. Other contents are their own titles."""
+"""Titles of groups of formats, by the content of their files. All other contents serve as titles themselves."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -189,7 +189,7 @@ def _export_request(
         holds = ", ".join(key[1:] for key, form in meshes.items() if form.sheets)
         raise ExportError(f"a {suffix} file holds only solids; leave out --sheet, or write one of {holds}")
     if suffix not in meshes:
-        raise ExportError(f"a {suffix} file cannot hold another sheet; leave out --sheet")
+        raise ExportError(f"a {suffix} file has no choice of sheets; leave out --sheet")
     return ExportRequest(suffix, path, sheet)
 
 

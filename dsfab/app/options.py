@@ -132,7 +132,7 @@ class Source(MeshFlags):
         """Return the preset of a name or file with the changes; for a mesh file the proposed preset.
 
         proposal  : proposal for the mesh, if the caller has it.
-        thickness : replacement of the thickness `auto`: "sized" by sizing, "guessed" by a guess, "open" by nothing.
+        thickness : for the thickness `auto`: "sized" computes a value, "guessed" guesses it, "open" leaves `auto`.
         Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 
@@ -202,7 +202,7 @@ class Source(MeshFlags):
 
 
 def _built_preset(preset: "Preset") -> "Preset | None":
-    """Return the preset with the thickness that its last build chose; None if the preset or its mesh changed since."""
+    """Return the preset with the thickness that its last build chose; None if the preset or its mesh has changed."""
     from dsfab.preset.file import load_preset
 
     path, mesh = Path("outputs") / preset.name / "preset.toml", getattr(preset.surface, "file", None)

@@ -41,7 +41,7 @@ SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequenc
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
-    """Return the pictures in a text such as 'all' or 'structure,stress'. Raises DsfabError for an unknown picture."""
+    """Return the pictures that a text names, such as 'all' or 'structure,stress'. Raises DsfabError for other words."""
     from dsfab.render.colouring import MODE_FIELDS, check_show
 
     names: list[str] = []
@@ -88,7 +88,7 @@ class PictureOptions:
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
-        """Return the page of a preset, in `folder` without --output. Raises DsfabError for a wrong option."""
+        """Return a preset's page; without --output its file is in `folder`. Raises DsfabError for a wrong option."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
@@ -304,7 +304,7 @@ def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
     try:
         while True:
             current_stamp = _file_stamp(file)
-            # the stamp is None while a text editor replaces the file
+            # the time stamp is None while a text editor replaces the file
             if current_stamp is not None and current_stamp != seen_stamp:
                 seen_stamp = current_stamp
                 try:

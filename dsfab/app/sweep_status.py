@@ -22,7 +22,7 @@ from dsfab.study.variations import short_names, spelled_value
 
 
 class SweepProgress:
-    """Prints the progress of a sweep on standard error, with the best value of `metric`."""
+    """Printer of the progress of a sweep on standard error, with the best value of `metric`."""
 
     def __init__(self, quiet: bool, metric: str, limits: Sequence[Constraint] = ()) -> None:
         self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)

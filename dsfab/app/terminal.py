@@ -27,7 +27,7 @@ class ExitCode(IntEnum):
 
 
 class Reporter:
-    """Prints stages and their seconds on standard error, unless `quiet`. The end of a `with` block ends the last stage.
+    """Printer of stages and seconds on standard error, unless `quiet`. The end of a `with` block ends the last stage.
     steps : False to show a stage only while it runs."""
 
     def __init__(self, quiet: bool = False, steps: bool = True) -> None:

@@ -27,7 +27,7 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     size : largest dimension of the structure, metres.
 
     Members of a ring are ordered counter-clockwise from the x axis, seen from above. Other members are ordered along
-    the direction of their largest spread. At equal positions the shorter member is first, then the smaller x, y, z."""
+    the direction of their largest spread. At equal positions the shorter is first, then the one of smaller x, y, z."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)
@@ -50,7 +50,7 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
 
 
 def _pointing(axes: Floats) -> Floats:
-    """Reverse unit vectors (d, 3) where necessary, so that each one's coordinate of largest magnitude is positive."""
+    """Reverse each of the unit vectors (d, 3) whose coordinate of largest magnitude is negative."""
     largest = np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1)
     return np.asarray(axes * np.where(largest < 0, -1.0, 1.0))
 

@@ -17,7 +17,7 @@ from dsfab.surface import Surface, chains
 TURN = np.radians(60)
 """A line is divided into two members if it bends within the surface by more than this angle along `WINDOW` widths."""
 WINDOW, STEPS = 1.5, 4  # Length in widths along which bends are measured, and its number of steps.
-SPECK = 1.0  # Least length, in widths, of a further line of a stripe.
+SPECK = 1.0  # Shorter lines of a stripe (length in widths) are left out, except the longest line.
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class MiddleLine:
 
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of the stripes of field k, by stripe, the longest first.
+    """Return the middle lines of each stripe of field k, by the stripe's number; the longest line is first.
     offset  : (m, 3) offset from the middle at the corners of cells, never 0. Its sign changes on a middle line.
     normals : (n, 3) unit normals at the vertices of the overlay."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
@@ -95,7 +95,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return where the offset is 0 on sides (c, 2) of cells: (c, 2), 0 at the lower vertex number, 1 at the other."""
+    """Return the places (c, 2) of offset 0 on sides (c, 2) of cells: 0 at the lower vertex number, 1 at the other."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -109,7 +109,7 @@ def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
-    """Divide a line at bends within the surface of more than `TURN`.
+    """Divide a line where it bends within the surface by more than `TURN`.
     Bends are measured along 1.5 `width` or one `edge` (m), the longer of these two lengths. Short parts at both ends
     are dropped, because a line bends towards the rim around a kept support."""
     window = max(WINDOW * width, edge)
@@ -182,7 +182,7 @@ def _bend(turn: Floats) -> tuple[int, int]:
     return begin, end
 
 
-KNOTS, COARSE = 4.0, 2.0  # First distance between knots of an axis: in widths of the member, and least in edges.
+KNOTS, COARSE = 4.0, 2.0  # First distance between knots of an axis: KNOTS widths or COARSE edges, the larger.
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,7 +127,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of the stripes of a field. Stripes without a middle have lines at mean offsets."""
+    """Return the middle lines of the stripes of a field. Stripes beside the middle have lines at mean offsets."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -204,7 +204,7 @@ def _parts(overlay: Overlay, component: Component, lines: list[MiddleLine], edge
 
 
 def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints:
-    """Return the number of the line that is nearest to each of connected cells (c,), along paths from cell to cell."""
+    """Return the number of the nearest line for each of connected cells (c,), along paths from cell to cell."""
     if len(lines) == 1:
         return np.zeros(len(cells), dtype=np.int64)
     place = np.full(overlay.sheet.surface.m, -1)

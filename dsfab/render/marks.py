@@ -207,7 +207,7 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
 
 
 def place_beside(V: Floats, side: ViewSide, up: Floats, level: float, which: float = 1.0) -> tuple[Floats, Floats]:
-    """Return a place (3,) on the ground to the right of vertices V (n, 3) and in front, and the unit vector (3,) right.
+    """Return a place (3,) on the ground, right of and in front of vertices V (n, 3), and the unit vector (3,) right.
     level : height of the ground, m.    which : 1, or -1 for a place to the left and behind."""
     right = unit_vectors(np.cross(side.up, side.towards)[None])[0]
     x, y, front = V @ right * which, V @ np.cross(right, up), np.cross(right, up)

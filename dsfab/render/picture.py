@@ -123,7 +123,7 @@ def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Byte
 
 
 def _half_thickness(V: Floats, F: Ints) -> float:
-    """Return half of a thin solid's mean thickness (m), its volume / area of its surface; 0 for a sheet."""
+    """Return half of a thin solid's mean thickness (m): its volume divided by its surface area; 0 for a sheet."""
     a, b, c = (V[F[:, i]] - V.mean(axis=0) for i in range(3))
     area = np.cross(b - a, c - a)
     return abs(float(np.einsum("mi,mi->", a, area))) / 3 / float(np.linalg.norm(area, axis=1).sum())

@@ -142,7 +142,7 @@ class Previewer:
 
     def display(self, preset: Preset) -> None:
         """Draw a preset of the same surface in all later pictures.
-        Changed frequencies, phases, thresholds and reaches of plain stripes are fast. Other keys are slower.
+        With the width rule "plain", new frequencies, phases, thresholds and reaches are fast. Other changes are slower.
         Raises DsfabError for a different [surface] or an invalid preset, and then keeps the old preset."""
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(

@@ -323,7 +323,7 @@ class Scene:
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
             actor.GetMapper().SetScalarVisibility(body.shader is not None)  # colours take 10 times as long
-            if casts and body.shader is None:  # hidden back faces would take three times as long
+            if casts and body.shader is None:  # drawing hidden back faces would triple the time
                 actor.GetProperty().SetBackfaceCulling(body.encloses)
         yield
         for actor in self.actors:

@@ -106,7 +106,7 @@ class StripedMesh:
 
 @derived
 def distances(design: Design) -> tuple[Floats, Floats]:
-    """Return distances (n,) to loads and supports, and distances (n,) to the boundary, m; exact up to every reach.
+    """Return distances (n,) to loads and supports, and distances (n,) to the boundary, m; exact up to each reach.
     If the user drew regions, the first array has distances to regions and kept material, times `REGION_FACTOR`."""
     surface, load, pattern = design.surface, design.load, design.preset.pattern
     reach = max(EXACT_REACH_SHARE * surface.size, pattern.keep, pattern.rim)

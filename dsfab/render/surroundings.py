@@ -16,10 +16,10 @@ PartKind = Literal["column", "wall", "hanger", "abutment"]
 
 HEADROOM = 2.2  # smallest height (m) of a structure above a ground at height 0
 PLINTH = 0.012  # height of the lowest columns and walls, divided by the structure's size
-COLUMN_EXTENT = 0.08  # extent of a support in plan / size of the structure below which it becomes a column
+COLUMN_EXTENT = 0.08  # a support becomes a column if its extent in plan / size of the structure is smaller
 LOW_SHARE = 0.25  # a support below this share of the structure's height is never an abutment
 STEEP = 0.2  # smallest slope towards a support from which a structure hangs
-UPRIGHT = 3.0  # smallest height of an upright edge / extent of the edge in plan
+UPRIGHT = 3.0  # an edge is upright if its height / its extent in plan is larger
 SOIL_SHARE = 0.5  # supported share of the area above which a slab lies on soil
 CORNERS, MOST_PARTS = 20, 40  # corners of a round column; largest number of columns or rods of a support
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # divided by the structure's size
@@ -73,7 +73,7 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
 
 
 def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
-    """Return the horizontal direction (3,) to the supports of a cantilever; None for low supports or several sides."""
+    """Return the horizontal direction (3,) to the supports of a cantilever; None if they are low or on many sides."""
     side, heights = support_side(surface, load, surface.size, up), surface.V @ up
     low = heights.min() + LOW_SHARE * np.ptp(heights)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
@@ -100,8 +100,8 @@ def _extent(points: Floats, axis: Floats) -> float:
 
 
 def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, half: float) -> float:
-    """Return the height of the ground, m: 0 with headroom below the structure, else a plinth below its lowest point.
-    A structure on hangers alone has headroom. half : half of the structure's thickness, m."""
+    """Return the height of the ground, m: 0 with headroom below the structure, else `PLINTH` below its lowest point.
+    A structure that only hangs has headroom. half : half of the structure's thickness, m."""
     lowest, size = float((surface.V @ up).min()) - half, surface.size
     if HEADROOM < lowest < size:
         return 0.0
@@ -110,7 +110,7 @@ def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, 
 
 
 def support_part(surface: Surface, support: SupportPart, half: float, ground: float) -> MarkMesh:
-    """Return the mesh of a part (metres). ground : its height (m). half : as for `ground_level`."""
+    """Return the mesh of a part, metres. ground : height of the ground, m. half : as for `ground_level`."""
     size, along, among = surface.size, support.along, support.vertices
     begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # surface of the solid
     deepest, V = float(begin[among].max()), surface.V.copy()

@@ -162,7 +162,7 @@ def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, flo
 
 def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
     """Return the views of a plan and of an elevation of vertices V (n, 3), along the sides of their smallest rectangle.
-    The elevation shows the long side. A rectangle along the coordinate axes is preferred if at most 2 % larger."""
+    The elevation shows the long side. A rectangle along the coordinate axes is preferred if it is up to 2 % larger."""
     across = np.eye(3)[{0: 1, 1: 0, 2: 0}[int(np.argmax(np.abs(up)))]]
     turns = np.radians(np.arange(90.0))
     rights = np.outer(np.cos(turns), across) + np.outer(np.sin(turns), np.cross(up, across))

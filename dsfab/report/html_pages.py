@@ -341,5 +341,5 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
   .across { grid-template-columns: 1fr; } th, td { padding: .9mm 1mm; }
   caption { max-width: calc(100vw - 2.4rem); } }
 """
-"""CSS of a document: an A4 sheet on screen and on paper. RUNNING and FOOTER become texts at the edges of printed pages.
-QUIET becomes a colour, because CSS variables do not work at the edges of a page."""
+"""CSS of a document: an A4 sheet on screen and on paper. RUNNING and FOOTER stand for texts at the edges of printed
+pages. QUIET stands for a colour, because CSS variables do not work at the edges of a page."""

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 MEMBERS = np.array(PAPER.members, dtype=np.uint8)
-_stages = threading.local()  # Each thread keeps its last surface, drawer, and stage.
+_stages = threading.local()  # Each thread keeps its last surface, `SheetDrawer`, and stage.
 
 
 def require_view(name: str) -> None:
@@ -52,7 +52,7 @@ def require_view(name: str) -> None:
 
 @dataclass(frozen=True)
 class SheetDrawer:
-    """Drawer of the cut sheet of a design as PNG; it can be pickled. size : pixels.    view : as in `dsfab preview`.
+    """Tool that draws a design's cut sheet as PNG; it can be pickled. size : pixels.    view : as in `dsfab preview`.
     The uncut surface fills the picture. So a place of the surface is at the same pixel in all pictures.
     Raises DsfabError for an unknown view, or if this machine cannot draw."""
 
@@ -105,7 +105,7 @@ def second_metric(plan: Plan) -> str:
 
 
 class SweepPages:
-    """Writes index.html while a sweep runs, and all pages at its end."""
+    """Writer of index.html while a sweep runs, and of all pages at its end."""
 
     def __init__(self, folder: SweepFolder) -> None:
         self._folder, self._written = folder, time.monotonic()

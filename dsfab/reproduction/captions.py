@@ -97,7 +97,7 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return the vertices (n,) inside the line z = level around the load; None if supported, or if not a disc."""
+    """Return the region (n,) around the load inside the line z = level; None if it has a support or is not a disc."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]

@@ -112,7 +112,7 @@ PAPER = 37  # Frames a second of the paper's editor, on a laptop of 2015.
 
 
 def editing_comparison(design: Design, folder: Path) -> PaperComparison:
-    """Draw one pattern with other settings, and count frames a second during changes, as the paper does for its Bob."""
+    """Draw one pattern with other settings, and count frames a second during changes, as the paper does for Bob."""
     title = "Frequency and thickness, edited"
     try:
         with previewer_of(design) as previewer:

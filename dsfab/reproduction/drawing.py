@@ -11,7 +11,7 @@ from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
 
 SMALL, LARGE = (560, 420), (1120, 840)  # Sizes of the pictures of steps, and of the structure, pixels.
-LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Better than in a sweep.
+LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Light of better quality than in a sweep.
 
 VIEWS = {
     "pavilion": "25,35",

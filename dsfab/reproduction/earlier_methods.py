@@ -96,7 +96,7 @@ def typical_slope(surface: Surface, value: Floats) -> float:
     return quantile(slope, surface.areas, 0.5)
 
 
-NEAR = 0.5  # Distance from a traced line at which a line ends / intended distance of lines.
+NEAR = 0.5  # A line ends near an earlier line if their distance / intended distance is smaller.
 End = Literal["boundary", "inside", "round"]
 
 

@@ -62,7 +62,7 @@ class FigurePictures:
 
 def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
     """Make a figure and write its pictures into `folder`; an error becomes part of the result.
-    coarser : wanted edge length / edge length in the preset. It falls until the mesh has all details of the shape."""
+    coarser : wanted edge length / edge length in the preset. It is reduced until the mesh has all details."""
     try:
         design, coarser = coarsened_draft(load_preset(figure.preset), coarser)
         results = renditions(design)

@@ -136,4 +136,4 @@ FIGURES = tuple(
     PaperFigure(label, preset, caption, TABLE_1.get(preset), TABLE_2[preset], STAND_INS.get(preset, ""), claim)
     for label, preset, caption, claim in CAPTIONS
 )
-"""All figures of the paper, in order."""
+"""Figures of the paper, in order."""

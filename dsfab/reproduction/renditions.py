@@ -22,7 +22,7 @@ LETTER: Mapping[str, Any] = {
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
 }
-"""The paper's settings of keys that presets may set otherwise; modes, frequencies and phases are those of Table 1."""
+"""The paper's values of keys that may differ in presets. Modes, frequencies and phases are those of Table 1."""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
@@ -33,7 +33,7 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "pattern.keep": (0.0, "material kept around loads and supports"),
     "pattern.rim": (0.0, "a rim kept along the boundary"),
 }
-"""Keys that presets may set otherwise than the paper: the paper's value, and a text for any other value."""
+"""Keys whose values in presets may differ from the paper's: the paper's value, and a text for any other value."""
 
 SHARES = (0.3, 0.5)  # least and largest share of material for the rendition with evenly spaced stripes
 
@@ -110,7 +110,7 @@ def measured_rendition(
     name: str, base_design: Design, settings: Mapping[str, Any], uncut_compliance: dict[str, float] | None = None
 ) -> Rendition:
     """Return a rendition with its measures. Unchanged stages of `base_design` are used again.
-    uncut_compliance : compliance of the uncut sheet by material law; this function adds values for further calls."""
+    uncut_compliance : compliances of the uncut sheet by material law; this function stores new values in it."""
     try:
         preset = with_overrides(base_design.preset, dict(settings)) if settings else base_design.preset
         design = draft(preset, earlier=base_design)
@@ -145,7 +145,7 @@ def _carried_share(design: Design) -> float:
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
     """Return compliance / compliance of an uncut sheet, compliance / compliance of a thinner sheet, and a reason or ''.
-    Both ratios are nan without loads, and infinite if the design does not carry its loads for this reason."""
+    Both ratios are nan without loads. If the design does not carry its loads, they are infinite, with the reason."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

@@ -48,7 +48,7 @@ class CutComparison(NamedTuple):
 
 
 def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
-    """Cut the stripes of a design on modes by both methods, in plain widths."""
+    """Cut the stripes of a design on modes by both methods, with the width rule "plain"."""
     settings = (design.preset.pattern.major, design.preset.pattern.minor)
     families = [
         StripedField(Stripes(family.frequency, float(options.phase), options.threshold), family.mode)

@@ -29,7 +29,7 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""The sphere's row of Table 1: no kept regions, plain widths, phase 0. But the stress's sign decides what is major."""
+"""The sphere's row of Table 1: no kept regions, rule "plain", phase 0. But the sign of stress decides what is major."""
 LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` exactly as the paper states it.
 SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 

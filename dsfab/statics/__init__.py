@@ -71,7 +71,7 @@ def solve_statics(
 def solve_for(
     sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | Aid, bars: bool = False
 ) -> dict[str, Equilibrium]:
-    """Solve load cases with the elements for a use, a key of `USES`. Return the equilibria by name.
+    """Solve load cases with the elements that `USES` lists for `use`. Return the equilibria by name.
     Accurate elements can fail on needles (very flat triangles); simpler elements then solve the sheet.
     bars : see `solve_cases`. Raises StaticsError as `solve_cases`."""
     elements = elements_of(use)

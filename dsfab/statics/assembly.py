@@ -1,4 +1,4 @@
-"""Assembly of a stiffness from 3 x 3 blocks, one for each pair of vertices; pairs of neighbouring faces (hinges)."""
+"""Assembly of a stiffness matrix from 3 x 3 blocks, one for each pair of vertices. Hinges between faces."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 
 def hinges(surface: Surface) -> Ints:
-    r"""Return the vertices (i, 4) of each hinge: two faces with a common edge. Numbers in the picture are columns.
+    r"""Return the vertices (i, 4) of each hinge (two faces with a common edge), in the order of this picture.
 
           2
          / \
@@ -30,8 +30,8 @@ def hinges(surface: Surface) -> Ints:
 
 
 def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
-    """Return the gradients (i, 4, 3), 1/m, of the angles at hinges (i, 4), and the weights (i,): l^2 / (A1 + A2).
-
+    """Return gradients (i, 4, 3), 1/m, of the fold angles at hinges (i, 4), and weights (i,), l^2 / (A1 + A2).
+    l is the length of the common edge, A1 and A2 are the areas of the faces.
     The gradients at the opposite vertices are n2 / h2 and n3 / h3, with normals n and heights h of the faces.
     The gradients at the ends of the edge follow, because rigid motions change no angle."""
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
@@ -48,7 +48,7 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
 
 
 Index = npt.NDArray[np.integer[Any]]
-"""Integers of a sparse matrix. Four bytes each save memory, because every entry of the matrix has an index."""
+"""Indices of a sparse matrix. They have four bytes to save memory, because every entry of the matrix has an index."""
 
 CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 """The six pairs of the four vertices of a hinge, see `hinges`."""
@@ -57,9 +57,9 @@ CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
     """Pairs of vertices that are coupled in a stiffness matrix, and the positions of their blocks in the matrix.
-    ends     : (p, 2) vertices of each pair, ascending: ends of edges, and opposite vertices of hinges, if any.
-    of_edge  : (e,) number of each edge's pair.
-    opposite : (i,) number of the pair of each hinge's opposite vertices, p for equal vertices; () without hinges."""
+    ends     : (p, 2) vertices of each pair, lower number first: ends of edges, and opposite vertices of hinges.
+    of_edge  : (e,) number of the pair of each edge.
+    opposite : (i,) pair of each hinge's opposite vertices; p if both are the same vertex; empty without hinges."""
 
     n: int
     ends: Ints
@@ -91,8 +91,8 @@ class VertexPairs:
 
     @cached_property
     def _block_positions(self) -> tuple[Index, Index, Index]:
-        """Row pointers, columns and block numbers of the matrix. The numbers count p blocks above the diagonal, then
-        p blocks below the diagonal, then n blocks on the diagonal."""
+        """Row pointers, columns and block numbers of the matrix. Blocks 0 to p - 1 lie above the diagonal, the next p
+        blocks below it, and the last n blocks on it."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
         # this order gives ascending columns in each row without sorting
@@ -103,9 +103,9 @@ class VertexPairs:
         return begin, column[order], number
 
     def matrix(self, blocks: "PairBlocks") -> csr_array:
-        """Return the stiffness (3 n, 3 n) of these blocks; the columns of each row ascend."""
+        """Return the stiffness matrix (3 n, 3 n) of these blocks. The columns in each row are in ascending order."""
         begin, column, number = self._block_positions
-        # a position for each block, not for each of its nine entries, saves memory
+        # to save memory, store one position for each block, not one for each of its nine entries
         all_blocks = np.concatenate([blocks.between.T, _transposed_blocks(blocks.between).T, blocks.own.T])
         values = all_blocks[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
@@ -113,8 +113,8 @@ class VertexPairs:
 
 @dataclass(frozen=True, eq=False)
 class PairBlocks:
-    """A stiffness as 3 x 3 blocks, one for each pair of vertices and one for each vertex.
-    between : (9, p) blocks of the pairs, row by row, smaller vertex first, N/m.
+    """A stiffness matrix as 3 x 3 blocks, one for each pair of vertices and one for each vertex.
+    between : (9, p) block of each pair, row by row, N/m. Its rows belong to the vertex with the lower number.
     own     : (9, n) symmetric blocks on the diagonal, N/m."""
 
     pairs: VertexPairs
@@ -123,7 +123,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Return the stiffness with blocks `between` (9, p). Rows sum to 0, because a rigid shift causes no force."""
+        """Return the stiffness with blocks `between` (9, p). Rows sum to 0: a shift of all vertices causes no force."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):

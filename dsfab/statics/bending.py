@@ -29,7 +29,7 @@ from dsfab.surface.mesh import Surface
 
 
 def curvatures(surface: Surface) -> Floats:
-    """Return each face's curvature (m, 3, 12), (xx, yy, 2 xy), for unit moves of corners and rotations of edges.
+    """Return each face's curvature (m, 3, 12), (xx, yy, 2 xy), for unit displacements of corners, rotations of edges.
     The curvature is constant on a face [Morley 1968; Grinspun et al. 2006 for surfaces]:
 
         kappa = 1/A sum over half-edges j -> k of  -s l omega m m^T + (w_k - w_j) sym(t m^T)
@@ -40,7 +40,7 @@ def curvatures(surface: Surface) -> Floats:
     length, t, m = half_edge_frames(surface)
     rows = np.empty((surface.m, 12, 3))
     step = voigt(t, m)
-    # corner c begins half-edge c and ends half-edge c - 1
+    # half-edge c begins at corner c, half-edge c - 1 ends there
     corner = np.roll(step, 1, axis=1) - step
     normal = np.cross(frame[:, 0], frame[:, 1])
     rows[:, :9] = (corner[:, :, None, :] * normal[:, None, :, None]).reshape(-1, 9, 3)
@@ -61,7 +61,7 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    K_b converges to Kirchhoff's plate on every mesh. Coarse meshes are too soft."""
+    Deflections converge to those of Kirchhoff's plate on every mesh. Coarse meshes are too soft."""
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
     return assemble_blocks(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
@@ -104,7 +104,7 @@ def moment_loads(surface: Surface) -> Floats:
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    Only bubbles along mean normals of edges bend the faces; else coarse meshes of curved sheets are too stiff."""
+    Only normal bubbles bend the faces. With all bubbles, coarse meshes of curved sheets would be too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)

@@ -1,6 +1,6 @@
 """Bending moments on each face from a solved sheet, for every kind of bending.
 
-A positive moment compresses the side of the normals and stretches the opposite side."""
+A positive moment compresses the side to which the normals point, and stretches the opposite side."""
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from dsfab.surface.mesh import Surface
 
 
 def facet_number(surface: Surface, thickness: float) -> float:
-    """Return L^2 / (R h), the median of all edges: an edge's length times its fold angle, divided by the thickness.
-    A load on a flat face of a curved sheet bends this face between its edges; errors of `hhj` grow with the number.
+    """Return L^2 / (R h): edge length times fold angle, divided by the thickness (median of all edges).
+    A load on a flat face of a curved sheet bends this face between its edges. So errors of `hhj` grow with the number.
     On spheres under pressure, the largest stress is too large by about 0.9 times the number."""
     faces = surface.edges.pairs // 3
     if not len(faces):
@@ -32,7 +32,7 @@ def face_moments(
     """Return moments per length (m, 3 corners, 3), (xx, yy, xy), newtons, at each face's corners in its tangent frame.
     answer : solution by `elements`. A sheet that was solved in its plane has no moments.
 
-    `midedge` : constant on each face. The error of a mean of many faces is proportional to the mesh width.
+    `midedge` : constant on each face. A mean of many faces has an error in proportion to the mesh width.
     `hhj`     : linear on each face, computed again from the displacements [Hellan 1967].
     `hinge`   : constant on each face, for pictures only. Single faces have errors of 8 to 60 %. Moments at free edges
                 are too small, because a free edge is not a hinge."""
@@ -46,7 +46,7 @@ def face_moments(
 
 
 def hinge_energy(surface: Surface, material: Material, thickness: float, answer: Equilibrium) -> Floats:
-    """Return the energy of each face (m,), J: half the sum of the energies of its hinges (`hinge_blocks`)."""
+    """Return the energy of each face (m,), J. A hinge (`hinge_blocks`) gives half of its energy to each face."""
     hinge = hinges(surface)
     gradients, weight = angle_gradients(surface, hinge)
     turned = np.einsum("ikx,ikx->i", gradients, answer.u[hinge])

@@ -15,12 +15,12 @@ from dsfab.surface import coincident, pieces
 from dsfab.surface.loads.load_case import Force, Line, Load, LoadCase
 from dsfab.surface.mesh import Surface
 
-FREE_MOTION = 1e-9  # Largest displacement of the supports in a free rigid motion, relative to this motion.
+FREE_MOTION = 1e-9  # A rigid motion is free if it moves the supports by less than this fraction of the motion.
 MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn about y", "turn about z")
 
 
 def rigid_motions(points: Floats) -> Floats:
-    """Return displacements (n, 3, 6) of points (n, 3) under the six rigid `MOTIONS`; the largest are about 1."""
+    """Return displacements (n, 3, 6) of points (n, 3) by the six rigid `MOTIONS`; the largest values are about 1."""
     centred = points - points.mean(axis=0)
     reach = np.abs(centred).max() or 1.0
     motion = np.zeros((len(points), 3, 6))
@@ -75,9 +75,9 @@ def _merge_hint(surface: Surface) -> str:
 
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
-    """Return names of the rigid motions of `vertices` that neither fixed directions nor clamped edges prevent.
-    The largest component of a motion gives its name.
-    clamped : (k, 2) ends of the edges that do not rotate; a rotation w turns an edge of direction t by w . t."""
+    """Return the names of the rigid motions of `vertices` that neither fixed directions nor clamped edges prevent.
+    Each motion is named after its largest component.
+    clamped : (k, 2) ends of the edges that do not rotate. An edge of direction t allows a rotation w if w . t = 0."""
     at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (fixed directions, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
@@ -122,7 +122,7 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
     """Return the fixed directions (e, 3) of the middles of edges, from the fixed directions (n, 3) of the vertices.
-    The middle of a boundary edge is fixed if both ends are. Other middles are fixed on fixed faces (`held_faces`)."""
+    The middle of a boundary edge is fixed if both ends are. Others are fixed like their faces (`held_faces`)."""
     edges, faces = surface.edges, held_faces(surface, fixed)
     is_held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):
@@ -131,7 +131,7 @@ def held_middles(surface: Surface, fixed: Bools) -> Bools:
 
 
 def held_faces(surface: Surface, fixed: Bools) -> Bools:
-    """Return directions (m, 3) in which all corners are fixed; none for a face with two boundary edges."""
+    """Return directions (m, 3) in which all corners of a face are fixed; none if it has two boundary edges."""
     ears = surface.edges.boundary[surface.edges.of].sum(axis=1) >= 2
     return np.asarray(fixed[surface.F].all(axis=1) & ~ears[:, None])
 
@@ -157,7 +157,7 @@ def all_clamped(load: LoadCase) -> Bools | None:
 
 
 def with_springs(K: csr_array, load: LoadCase) -> csr_array:
-    """Return K (u, u), N/m, with the springs of `load`, if any, on the diagonal of its first 3 n unknowns."""
+    """Return K (u, u), N/m, with the springs of `load` added to the diagonal of the first 3 n unknowns."""
     if not load.spring.any():
         return K
     springs = np.zeros(K.shape[0])
@@ -192,14 +192,14 @@ class SpreadLoad:
         return cls(face, edge)
 
     def vertex_forces(self, surface: Surface) -> Floats:
-        """Return forces (n, 3), N: a third of each face's force at its corners, half of each edge's at its ends."""
+        """Return forces (n, 3), N: each corner gets a third of a face's force, each end half of an edge's force."""
         force = np.zeros((surface.n, 3))
         np.add.at(force, surface.F.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         np.add.at(force, surface.edges.ends.ravel(), np.repeat(self.edge * _lengths(surface) / 2, 2, axis=0))
         return force
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
-        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on a unit of each bubble.
+        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load for a unit of each bubble.
         The integral of a bubble is A / 3 on a face, and 2 l / 3 on an edge."""
         work = self.edge * _lengths(surface) * 2 / 3
         np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))

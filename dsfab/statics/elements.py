@@ -66,7 +66,7 @@ class Elements:
         return 3 * surface.n + len(self.on_edges) * len(surface.edges.ends)
 
     def columns(self, surface: Surface, *names: str) -> Ints:
-        """Return unknowns (m, 9 + 3 len(names)) of each face: x, y, z of its corners, then `names` of its edges."""
+        """Return numbers (m, 9 + 3 len(names)) of each face's unknowns: x, y, z of corners, then `names` of edges."""
         corners = (3 * surface.F[:, :, None] + np.arange(3)).reshape(-1, 9)
         count = len(surface.edges.ends)
         groups = [3 * surface.n + self.on_edges.index(name) * count + surface.edges.of for name in names]
@@ -78,7 +78,7 @@ INVERSE_MASS = 12 * (np.eye(3) - 0.25)  # Inverse mass matrix of linear function
 
 
 def half_edge_signs(surface: Surface) -> Floats:
-    """Return +1 (m, 3) if a half-edge runs in its edge's global direction (from the smaller vertex), else -1."""
+    """Return 1 (m, 3) if a half-edge runs from the lower vertex number of its edge to the higher one, else -1."""
     return np.where(np.roll(surface.F, -1, axis=1) > surface.F, 1.0, -1.0)
 
 
@@ -86,11 +86,11 @@ def half_edge_signs(surface: Surface) -> Floats:
 def edge_frames(surface: Surface) -> Floats:
     """Return unit vectors t, m, n (e, 3, 3) of each edge: along it, across it in the sheet, and normal to the sheet.
     n is the mean of the normals of two faces, weighted by area; an opposite normal is reversed first. At three faces,
-    or a fold of more than 145 degrees, n is the first eigenvector of sum A n n^T. The result is read-only."""
+    or a fold of more than 145 degrees, n is the eigenvector of sum A n n^T with the largest eigenvalue. Read-only."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    # reversing a face's corners leaves sign x normal unchanged; sign x normal is opposite in the two faces of an edge
+    # sign times normal does not depend on the order of a face's corners; two neighbouring faces have opposite products
     area_normal = surface.normals * surface.areas[:, None]
     signed = (half_edge_signs(surface)[:, :, None] * area_normal[:, None, :]).reshape(-1, 3)
     n = signed[edges.order[edges.start[:-1]]]
@@ -129,7 +129,7 @@ def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     count = np.arange(m * c + 1, dtype=columns.dtype)
     Z = csr_array((blocks.ravel(), np.repeat(columns, c, axis=0).ravel(), c * count), (m * c, size))
     S = csr_array((np.ones(m * c), columns.ravel(), count), (m * c, size))
-    K = csr_array(csr_array(S.T) @ Z)  # without csr_array(S.T) the product would convert the larger Z
+    K = csr_array(csr_array(S.T) @ Z)  # convert S.T here; else scipy would convert the larger Z
     K.sort_indices()
     return K
 

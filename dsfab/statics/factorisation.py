@@ -15,7 +15,7 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Relative residual above which dsfab refines solutions: 0.1 `REPORTED_RESIDUAL`, to allow for rounding errors."""
+"""Relative residual above which dsfab refines solutions: a tenth of `REPORTED_RESIDUAL`, to allow for rounding."""
 
 REFINEMENTS = 6  # Largest number of refinement steps; two or three usually suffice.
 ROWS = 1 << 16
@@ -23,7 +23,7 @@ ROWS = 1 << 16
 
 
 class LinearMap(Protocol):
-    """A matrix that multiplies vectors, and has a copy in another precision (`astype`)."""
+    """A matrix that multiplies vectors. `astype` returns a copy in another precision."""
 
     def __matmul__(self, x: Any, /) -> Any: ...
 
@@ -62,7 +62,7 @@ class Factor:
     """A factorised stiffness.
     K     : stiffness of all unknowns.    free : (N,) unknowns that move.
     scale : (N,) 1 / square root of the diagonal of K at `free`.
-    solve : inverse of the scaled stiffness, a function of the right-hand side."""
+    solve : function that solves the scaled equations for a right-hand side."""
 
     K: csr_array
     free: Ints
@@ -86,7 +86,7 @@ def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
     Raises StaticsError if the matrix is not positive definite."""
     diagonal = K.diagonal()
     free = np.flatnonzero(~is_held & (diagonal > 0))
-    # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
+    # Jacobi scaling: the membrane stiffness is about (size / thickness)^2 times the bending stiffness
     scale = 1 / np.sqrt(diagonal[free])
     points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
     node = np.where(free < 3 * surface.n, free // 3, surface.n + (free - 3 * surface.n) % len(surface.edges.ends))
@@ -162,7 +162,7 @@ def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats])
 
 
 def _energy_share(r: Floats, step: Floats, b: Floats, x: Floats) -> Floats:
-    """Return sqrt(|r . K^-1 r| / b . x) of each column; 0 if the load does no work."""
+    """Return each column's relative residual sqrt(|r . step| / b . x), with `step` = K^-1 r; 0 if b does no work."""
     energy = np.sum(b * x, axis=0)
     share = np.abs(np.sum(r * step, axis=0)) / np.where(energy > 0, energy, np.inf)
     return np.asarray(np.sqrt(share))

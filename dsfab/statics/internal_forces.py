@@ -22,7 +22,7 @@ distance of this fraction of the mean size. Larger distances miss shear in ribs.
 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
-    """Data to compute shear forces q from moments, by a potential M. All load cases of a sheet share these data.
+    """Data to compute shear forces q from moments, as gradients of a potential M. All cases of a sheet share them.
     columns : (m, 6) unknowns of M at the corners and in the middles of the half-edges; (m, 3) at the corners only.
     sign    : (m, 6) -1 if the normal is opposite to that of the unknown's first face, else 1.
     rim     : (m, 3) 1 on half-edges of free edges and folds, which transfer no shear; else 0.
@@ -52,7 +52,7 @@ class ShearRecovery:
         points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :nodes]
         blocks = _gradient_stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
         K = assemble_blocks(blocks, columns, size)
-        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # on each smooth part, M is known up to a constant
+        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # fixes the free constant of M on each smooth part
         spread = _spread_matrix(surface, columns, sign, points)
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
@@ -193,7 +193,7 @@ def section_forces(
     recovery : data for this surface and kind of bending; several cases can share them.
 
     n is the thickness times the mean stress of the middle surface. m is averaged around each vertex, which removes the
-    bending of each flat face under its own load. q balances the moments; sums over ribs have errors of 2.5 %."""
+    bending of each flat face under its own load. q balances the moments; sums across ribs have errors of 2.5 %."""
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))

@@ -20,7 +20,7 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
 """Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4.
-All of these functions together make the result independent of the order of corners. An element needs nine stresses."""
+An element needs nine. With all of these functions, the result does not depend on the order of the corners."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459

@@ -77,7 +77,7 @@ MODE_RESIDUAL = 1e-3
 """Largest accepted relative residual of a mode, in the norm of the stiffness.
 The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
 
-INDEPENDENT = 1e-6  # Least energy of a combination of vectors of energy 1; less is a rounding error.
+INDEPENDENT = 1e-6  # A combination of vectors of energy 1 that has less energy than this is a rounding error.
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ def frequencies(
 ) -> Vibration:
     """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass, no rotary inertia.
 
-    sheet     : sheet with the mass density x thickness per area.
+    sheet     : its mass per area is density times thickness.
     fixed     : (n, 3) fixed directions.    spring : (n, 3) stiffness of elastic supports, N/m.
     K         : stiffness of the sheet without springs, if the caller has computed it.
     factor_of : function that factorises K, for instance the cache of an `equilibrium`.
@@ -142,7 +142,7 @@ def buckling(
 ) -> Buckling:
     """Return the lowest positive load factors of linear buckling: K x = factor (-K_g) x.
     Loads keep their direction: a pressure does not rotate with the sheet. Displacements before buckling are neglected.
-    Real thin shells buckle well below it, axially loaded cylinders at 0.2 to 0.5 of it [Koiter 1945; NASA SP-8007].
+    Real thin shells buckle well below these factors, cylinders at 0.2 to 0.5 of them [Koiter 1945; NASA SP-8007].
 
     answer   : equilibrium under `load`, by any elements; its membrane stress loads the sheet.
     elements : elements of the modes. `midedge` has false local modes at needles (very thin triangles).
@@ -161,13 +161,13 @@ def buckling(
 
 
 LOCAL_SHARE = 0.02
-"""A mode is local if it moves less than this fraction of the sheet's area, such as a bay or a loose end."""
+"""A mode is local if it moves less than this fraction of the sheet's area, for example only a loose end."""
 MODES_BESIDE_LOCAL = 6  # number of modes to compute if the first is local
 
 
 def moved_share(surface: Surface, shapes: Floats) -> Floats:
     """Return the share (k,) of the area that each shape (k, n, 3) moves: (integral of u^2)^2 / (A integral of u^4).
-    The share is exact for a part that moves evenly [participation ratio, Bell and Dean 1970]."""
+    The share is exact if one part moves evenly and the rest not at all [participation ratio, Bell and Dean 1970]."""
     squares = (shapes**2).sum(axis=2)
     area = surface.vertex_areas
     return np.asarray((squares @ area) ** 2 / (area.sum() * (squares**2 @ area)))
@@ -245,7 +245,7 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
-    """Return slopes (m, 2, 5, c) of each face along both tangents per unit unknown, and its unknowns (m, c).
+    """Return slopes (m, 2, 5, c) of each face along both tangents, for a unit of each unknown, and its unknowns (m, c).
     The five slopes are the means of x, y and z, and those from the curvature at two quadrature points.
     All slopes are multiplied by the square root of the area, so that K_g is the sum of slope . N slope."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
@@ -295,7 +295,7 @@ def _supported_modes(
 
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and x (k, u), for the factor of K.
-    are_results : False if the vectors are only used as a basis; residuals up to `MODE_RESIDUAL` save time.
+    are_results : False if the vectors are only a basis: then residuals may reach `MODE_RESIDUAL`, to save time.
     Raises StaticsError if the modes do not converge, or if results are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:
@@ -332,7 +332,7 @@ def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) ->
 
 def _refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
     """Return eigenvalues (k,), vectors (N, k) and last changes (k,) of the eigenvalues [Davidson 1975].
-    If edges are far shorter than the thickness, rounding gives exact vectors large residuals; eigenvalues converge."""
+    If edges are far shorter than the thickness, rounding makes residuals large, although the eigenvalues converge."""
     K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)
     Kx = (K @ x).astype(np.float64)
     for _ in range(REFINEMENTS):
@@ -341,7 +341,7 @@ def _refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> 
         steps, _ = refined_solution(factor.map, A @ x - mu * Kx, factor.solve)
         moves = (K @ steps).astype(np.float64)
         energies = np.sqrt(np.einsum("nk,nk->k", steps, moves).clip(0))
-        inexact = energies > MODE_RESIDUAL * mu  # steps of exact vectors are rounding errors
+        inexact = energies > MODE_RESIDUAL * mu  # the others are exact: their steps are rounding errors
         basis = np.concatenate([x, steps[:, inexact] / energies[inexact]], axis=1)
         forces = np.concatenate([Kx, moves[:, inexact] / energies[inexact]], axis=1)
         energy = basis.T @ forces

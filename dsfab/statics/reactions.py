@@ -36,7 +36,7 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support's forces and torques on the sheet.
-    The torque of an edge goes to the supports that clamp it, else to those of its ends. Clamped edges of the sheet
+    The torque of an edge goes to supports that clamp it, else to the supports of its ends. Clamped edges of the sheet
     itself (`SheetModel.clamped`) belong to no support, so the reactions may not balance the loads."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
@@ -71,7 +71,7 @@ class SupportEntry:
     area     : m2 of the faces with three supported corners.
     holds    : fixed directions, springs and clamping, such as 'xyz', 'z, clamped' or 'spring xy'.
     reaction : (3,) newtons on the sheet, by case.
-    share    : share of the sum of all supports' force magnitudes, 0 to 1, by case."""
+    share    : its part of the sum of the magnitudes of all support forces, 0 to 1, by case."""
 
     name: str
     vertices: int
@@ -132,7 +132,7 @@ def support_entries(
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
     """Return number and mean of picked vertices (n,), and the length (m) of edges and area (m2) of faces between them.
-    An edge within the sheet counts only if the pick is a line: its faces have no three picked corners."""
+    An inner edge counts only if the pick is a line: no face at the edge has three picked corners."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True

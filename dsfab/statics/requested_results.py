@@ -92,8 +92,8 @@ def sheet_answers(
 ) -> Answers:
     """Return stress and energy of a solved sheet, and the other requested results.
 
-    stiffness     : function that returns K for given elements; called if the results need another K than the case.
-    other_factors : function for further factorisations; a `FactorCache` of two serves loads on the same supports.
+    stiffness     : function that returns K for given elements; called if the results need other elements than the case.
+    other_factors : function for further factorisations; for loads on the same supports, a `FactorCache` of two.
 
     Vibration counts only the mass of the sheet, without its loads. Modes that do not converge give a refusal.
     Raises StaticsError if the elements for the results cannot solve the sheet."""

@@ -163,7 +163,7 @@ def equilibrium_of_unknowns(
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
-    # with -k u as the force of a spring, not K x - f, the imbalance contains the residual
+    # the force of a spring is -k u here, not K x - f: so the imbalance shows the residual
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))

@@ -62,9 +62,9 @@ def membrane_stresses(surface: Surface, material: Material, law: Law, elements: 
 
 
 SMOOTH = np.cos(np.radians(30))
-"""Cosine of 30 degrees. At a corner, a face lies across a fold if its normal differs from the mean normal by more."""
+"""Cosine of 30 degrees. A face lies across a fold if its normal and the mean normal at a corner differ by more."""
 
-WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of entries xx, yy, zz, yz, xz, xy in a tensor.
+WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of places of xx, yy, zz, yz, xz, xy in a tensor.
 HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
 
 
@@ -76,7 +76,7 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
     sided  : True if values change their sign with the face's normal, like bending.
 
     Averages remove most jumps between faces, which are errors [Hinton and Campbell 1974]. On curved sheets they also
-    remove the bending of each flat face under its own load. At a corner, a face across a fold keeps its own mean."""
+    remove the bending of each flat face under its own load. A face across a fold keeps its own mean."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -154,7 +154,7 @@ class SheetStress:
         for name in ("membrane", "bending"):
             values, smooth = getattr(self, name), f"smooth_{name}"
             lock(self, name, np.float64, (m, 3, 3))
-            if getattr(self, smooth) is values:  # both share one array
+            if getattr(self, smooth) is values:  # stays the same array
                 object.__setattr__(self, smooth, getattr(self, name))
             else:
                 lock(self, smooth, np.float64, (m, 3, 3))
@@ -199,7 +199,7 @@ class SheetStress:
         return Peak(float(self.largest[face]), face, layer)
 
     def utilisation(self, strength: float) -> Floats:
-        """Return the largest von Mises stress of each face (m,), divided by the strength (Pa): beyond 1 it yields.
+        """Return the largest von Mises stress of each face (m,), divided by the strength (Pa). Above 1 the face yields.
         Raises StaticsError for a strength that is not positive."""
         if not (strength > 0 and np.isfinite(strength)):
             raise StaticsError(f"strength = {strength} Pa must be positive (steel 235e6, plywood about 30e6)")
@@ -242,5 +242,5 @@ def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
 
 
 def _mean_product(a: Floats, b: Floats) -> Floats:
-    """Return exact means (m,) over faces of a . b, both linear on them, from corner values (m, 3 corners, 3)."""
+    """Return the exact mean of a . b on each face (m,). a, b : (m, 3, 3) values at corners, linear on each face."""
     return np.asarray((np.einsum("mci,mci->m", a, b) + np.einsum("mi,mi->m", a.sum(axis=1), b.sum(axis=1))) / 12)

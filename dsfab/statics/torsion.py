@@ -14,8 +14,8 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""Least angle between two points that touch a disc on different sides of the material, seen from the disc's centre.
-Nearer points belong to a kink of one side [Ma, Bae and Choi 2012]."""
+"""Least angle, seen from the centre of a disc, between two points of the disc on different sides of the material.
+Points at a smaller angle lie on the same side, at a kink [Ma, Bae and Choi 2012]."""
 
 
 def torsion_share(ratio: Floats) -> Floats:
@@ -56,7 +56,7 @@ def rib_shape(surface: Surface) -> RibShape:
 
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:
-    """Return radii (k,) of the largest empty discs that touch the border in points (k, 3) from the inner side.
+    """Return radii (k,) of the largest empty discs that touch the border from inside, at points (k, 3).
     Small discs grow until they contain another point, then shrink until they are empty [Ma, Bae and Choi 2012]."""
 
     def blocked(discs: Ints) -> tuple[Bools, Floats]:
@@ -66,7 +66,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         high = np.einsum("kx,kx->k", n, offset)
         shorter = np.einsum("kx,kx->k", offset, offset) / np.maximum(2 * high, np.finfo(float).tiny)
         opening = np.arccos(np.clip(1 - high / np.maximum(shorter, np.finfo(float).tiny), -1, 1))
-        # points that lie deeper than a thousandth of the radius block a disc
+        # a point blocks a disc if it lies inside by more than a thousandth of the radius
         return (away < (1 - 1e-3) * r) & (high > 0) & (shorter < r) & (opening > APART), shorter
 
     radius = np.full(len(points), min(small, largest))

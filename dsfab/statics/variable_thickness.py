@@ -1,4 +1,4 @@
-"""The stiffest sheet of varying thickness, in which no face is thicker than the whole sheet.
+"""The stiffest sheet of varying thickness, in which no face is thicker than the given sheet.
 
 The problem is convex, so the result does not depend on the start [Cheng, Olhoff 1981; Petersson 1999].
 No sheet of the same area with openings is stiffer on the same mesh."""
@@ -16,14 +16,14 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4
-"""Least thickness, as a fraction of the sheet's thickness, so that omitted faces still have a direction of force."""
+"""Least thickness, as a fraction of the sheet's thickness, so that empty faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Fractions of the sheet's thickness: largest change of a face in the last step, and in any step. Then, most steps."""
+"""Largest change of a face, as a fraction of the sheet's thickness: in the last step, and in any step. Most steps."""
 
 
 class VaryingSheet(NamedTuple):
     """A sheet of varying thickness.
-    thickness  : (m,) fraction of the whole sheet's thickness, 0 to 1.
+    thickness  : (m,) fraction of the given sheet's thickness, 0 to 1.
     compliance : weighted sum of the loads' compliances, joules, by constant strain and mid-edge bending.
     forces     : (m, 3, 3) membrane forces, N/m, for each load, symmetric and tangent to each face."""
 

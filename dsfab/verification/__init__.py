@@ -46,7 +46,7 @@ def choose(names: Sequence[str]) -> list[Test]:
 def verify(
     tests: Sequence[Test], pairs: Sequence[Elements] = PAIRS, progress: Callable[[str, str], None] | None = None
 ) -> Iterator[VerificationRow]:
-    """Yield the results of all tests, mesh patterns and pairs of elements, and of other programs."""
+    """Yield the results of all tests, for each mesh pattern and pair of elements, and for other programs."""
     for test in tests:
         if progress:
             progress(test.name, ", ".join(str(cells) for cells in test.cells) + " cells")

@@ -57,7 +57,7 @@ BENT_WIDTH = 0.2
 
 def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
     """Return a strip 0.2 wide, bent into a quarter circle of radius 1, with a force on its free end along the radius.
-    Membranes that lock cannot bend the strip without stretching. Beam theory is exact without Poisson effect.
+    Elements with membrane locking stretch the strip when it bends. Beam theory is exact without Poisson effect.
     slenderness : radius divided by thickness."""
     uv, F = square(8 * cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]

@@ -1,4 +1,4 @@
-"""A vault cut into ribs, in comparison with a solid, because no closed form or table exists for ribs."""
+"""A vault cut into ribs, in comparison with a solid, because no formula or table exists for ribs."""
 
 import numpy as np
 

@@ -30,7 +30,7 @@ COLOURS = ("#c0653c", "#3d7fc4", "#2c9a62", "#9a6fc0", "#b0892a", "#c0507f")
 
 PUBLISHED, SUPPORT, LOAD = "#8d8d8d", "#2c9a62", "#c0653c"
 MARKS = "xd+^v*sp<>hDPX"
-INK, FAINT = "#010203", "#040506"  # Marks for the page's own colours of text and faint lines.
+INK, FAINT = "#010203", "#040506"  # Placeholders for the page's colours of text and faint lines.
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
@@ -118,7 +118,7 @@ def _isometric() -> Floats:
 
 
 def _percent(error: float) -> float:
-    return 100 * max(abs(error), 1e-5)  # the scale is logarithmic
+    return 100 * max(abs(error), 1e-5)  # a logarithmic scale cannot show 0
 
 
 @contextmanager
@@ -150,9 +150,9 @@ def _svg(figure: "Figure", title: str) -> str:
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
-    svg = re.sub(r' id="[a-zA-Z]+[a-z0-9]*_\d+"', "", svg)  # nothing refers to the ids of groups
+    svg = re.sub(r' id="[a-zA-Z]+[a-z0-9]*_\d+"', "", svg)  # remove the ids of groups; nothing uses them
     svg = re.sub(r"font: ([\d.]+)px[^;\"]*", r"font-size: \1px", svg)
-    svg = re.sub(r"(?<![>\d.])(\d+\.\d\d)\d+", r"\1", svg)  # coordinates need two decimals; axis labels stay
+    svg = re.sub(r"(?<![>\d.])(\d+\.\d\d)\d+", r"\1", svg)  # round coordinates, but not the labels of axes
     svg = svg.replace(INK, "currentColor").replace(FAINT, "var(--faint)")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1).strip()
 

@@ -55,7 +55,7 @@ def is_at(values: Floats, position: float) -> Bools:
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
-    """Return a mask (e,) of the boundary edges with both ends on one of the lines, each a mask (n,) of vertices."""
+    """Return a mask (e,) of the boundary edges with both ends on the same line. lines : masks (n,) of vertices."""
     is_on_line = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
     return np.asarray(is_on_line & surface.edges.boundary)
 

@@ -143,7 +143,7 @@ class Published:
     """One published value, divided by the reference of its source.
 
     cells    : number of cells of this test's mesh; None if the source has only a `note`, such as "coarse mesh".
-    unknowns : number of unknowns of the source's mesh; None if it equals the test's mesh. With a number, `cells`
+    unknowns : number of unknowns of the source's mesh; None if the test's mesh has as many. With a number, `cells`
                belongs to the next coarser mesh of the test."""
 
     test: str
@@ -308,7 +308,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return a line for each test that the paper's elements fail, with published results of constant strain."""
+    """Return a line for each test that the paper's elements fail, with published results of such elements."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]

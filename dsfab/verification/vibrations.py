@@ -58,7 +58,7 @@ CLASSICAL = 1 / np.sqrt(3 * (1 - TUBE.poisson**2))
 """Buckling load N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908]."""
 WAVE = np.pi * np.sqrt(TUBE_WALL) / (12 * (1 - TUBE.poisson**2)) ** 0.25
 """Half wavelength of the buckling rings of a tube of radius 1, and the length of the tube.
-The lowest modes of so short a tube are rings. A longer tube has modes with few waves around, for which the theory of
+The lowest modes of such a short tube are rings. A longer tube has modes with few waves around, for which the theory of
 shallow shells is 4 % too high."""
 
 

@@ -1,7 +1,7 @@
 """Program of the process that builds and reads meshes for the editor. The editor may kill the process at any time.
 
 standard input : 8 bytes n | n bytes of a pickled request; it stays open while the editor waits
-standard output: JSON lines of the progress, then one with the key done, preset, refused or mistaken"""
+standard output: JSON lines of the progress, then a line with the key done, preset, refused or mistaken"""
 
 import json
 import os

@@ -45,8 +45,8 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return facts and arrays of a draft: surface, fields of the stripes, statics, and marks of loads and supports.
-    V (n, 3), metres, F (m, 3) and their fields belong to the mesh of the stripes (`StripedMesh`). Marks and loops refer
-    to the vertices `uncut` (k, 3) of the surface if this mesh is not the surface."""
+    V (n, 3), metres, F (m, 3) and their fields belong to the mesh of the stripes (`StripedMesh`). If this mesh is not
+    the surface itself, marks and loops refer to the vertices `uncut` (k, 3) of the surface."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)

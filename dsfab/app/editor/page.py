@@ -155,4 +155,4 @@ HANDLERS: dict[str, Callable[[Session, RequestFields], RequestFields]] = {
     "compare": _handle_compare,
     "cancel": lambda session, given: {"stopped": session.jobs.cancel(_required_field(given, "job", int))},
 }
-"""Functions that answer a request by its name, with data for JSON. Each raises DsfabError with a sentence."""
+"""Functions that answer requests, by the request's name. They return data for JSON, and raise DsfabError."""

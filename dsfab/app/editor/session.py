@@ -45,7 +45,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft that the page shows. `version` changes unless only widths of stripes or the choice of modes change."""
+    """A draft that the page shows. `version` stays the same if only widths of stripes or the choice of modes change."""
 
     draft: Design
     number: int
@@ -171,7 +171,7 @@ class Session:
         return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
-        """Start a job that solves and measures the changed preset, or keep a running job of equal changes."""
+        """Start a job that solves and measures the changed preset, or keep a running job with the same changes."""
         with self._lock:
             preset, number = self._opened.preset_with(changes), self._opening
             pending_request = self._asked
@@ -224,7 +224,7 @@ class Session:
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty unless its number is `draft`."""
+        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty if `draft` is not its number."""
         with self._lock:
             latest_cut = self._cut
         if not latest_cut or latest_cut[0].number != draft:

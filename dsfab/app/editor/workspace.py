@@ -99,7 +99,7 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and for new files."""
+        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and other files."""
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):  # the page must not choose files on this machine
             raise PresetError(
@@ -233,7 +233,7 @@ def _mesh_file(preset: Preset) -> Path | None:
 
 
 MAX_VARIANTS = 48  # Largest number of variants in a session.
-LARGEST = 2 * 2**20  # Largest number of characters of a picture, a data URL.
+LARGEST = 2 * 2**20  # Largest number of characters in the data URL of a picture.
 FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")  # Measures of a variant.
 
 

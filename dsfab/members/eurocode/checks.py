@@ -22,7 +22,7 @@ class MemberBays:
     width     : (b, 5) width of the section.    thickness : thickness of all sections.
     length    : (b,) distance between the nodes along the axis.
     curvature : (b, 5) normal curvature of the axis, 1/m.
-    forces    : (b, 5, 6) N, Vy, Vz, N, and Mt, My, Mz, Nm, by case and combination (`MemberForces`).
+    forces    : (b, 5, 6) N, Vy, Vz in N; Mt, My, Mz in Nm; by case and combination (`MemberForces`).
 
           z, normal      width along y, thickness along z:
           |  y           My bends the member out of the surface (W = width thickness^2 / 6),
@@ -145,7 +145,7 @@ class Utilisation:
 
     @cached_property
     def order(self) -> Ints:
-        """Numbers of the bays (b,) by falling utilisation."""
+        """Numbers of the bays (b,), the bay with the largest utilisation first."""
         return np.argsort(-self.largest, kind="stable")
 
     @cached_property

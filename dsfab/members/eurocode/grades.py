@@ -16,7 +16,7 @@ class SteelGrade:
     source: str
 
     def fy(self, thickness: float) -> float:
-        """Return the yield strength (Pa) of a plate with this thickness (m); if thicker, the table's last value."""
+        """Return the yield strength (Pa) of a plate with this thickness (m); above the table, its last value."""
         return next((value for limit, value in self.yields if thickness <= limit * (1 + 1e-9)), self.yields[-1][1])
 
     def covers(self, thickness: float) -> bool:

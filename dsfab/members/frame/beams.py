@@ -124,7 +124,7 @@ def _sides(member: Member) -> Floats:
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Divide a bay into joints and straight beams: return arc lengths (k + 1,), and added widths (k,) of joints."""
+    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and added widths (k,), 0 for beams."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # shorter joints are left out

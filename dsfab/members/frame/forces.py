@@ -60,7 +60,7 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
 
 
 def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """Return arc lengths (c, 3), m, of cells' corners. On a closed axis, those of a cell differ by less than L / 2."""
+    """Return arc lengths (c, 3), m, of cells' corners; in a cell they differ by less than half of a closed axis."""
     used, vertex_row = np.unique(surface.F[cells], return_inverse=True)
     count = int(np.clip(4 * axis.length / surface.mean_edge, 16, 20_000))
     t = np.linspace(0, axis.length, count + 1)

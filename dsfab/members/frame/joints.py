@@ -12,7 +12,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.members import Member, MemberGraph
 
 SAME = 0.25
-"""Joints on an axis share one node if they are nearer along it than this fraction of the member's mean width."""
+"""Joints on an axis share one node if their distance along it is less than this fraction of the member's mean width."""
 
 
 def fitting(halves: Floats, length: float) -> Floats:
@@ -119,7 +119,7 @@ Trees = Mapping[str, tuple[cKDTree, Floats]]
 
 
 def join_ends(joints: AxisJoints) -> None:
-    """Join ends without a node to the nearest axis and adjacent members; shorten members that pass their last node."""
+    """Join ends without a node to the nearest axis and adjacent members; shorten members to their last node."""
     samples = [(member, *_samples(member)) for member in joints.members_with_axis]
     trees = {member.id: (cKDTree(P), s) for member, s, P in samples}
     open_ended = [member for member in joints.members_with_axis if member.axis and not member.axis.closed]
@@ -226,7 +226,7 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 def add_hubs(joints: AxisJoints) -> None:
     """Add a hub (central node) and links (spokes) to each disc of 3 nodes or more. Spoke widths sum to the ring length.
-    Under a load P on the hub, clamped spokes deflect by 0.73 and simply supported spokes by 1.15 times the plate
+    Under a load P on the hub, clamped spokes deflect 0.73 times, simply supported ones 1.15 times as much as the plate
     [Timoshenko, Woinowsky-Krieger 1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})

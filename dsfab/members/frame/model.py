@@ -27,7 +27,7 @@ def torsion_constant(width: Floats, thickness: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class BeamMaterial:
-    """Material of beams. young : Pa.    poisson : 1.    density : kg/m3.    name : as in the preset, or ''."""
+    """Material of beams. young : Pa.    poisson : ratio.    density : kg/m3.    name : as in the preset, or ''."""
 
     young: float
     poisson: float
@@ -143,7 +143,7 @@ class FrameAnswer:
 
     u        : (n, 6) displacements, metres, and rotations, radians.
     reaction : (n, 6) forces and moments of supports and springs on the frame, N and Nm.
-    end      : (b, 2, 6) section forces at both ends of each beam in its own axes: N, Vy, Vz, N, and Mt, My, Mz, Nm.
+    end      : (b, 2, 6) section forces at both ends of each beam in its own axes: N, Vy, Vz in N; Mt, My, Mz in Nm.
                The section's outward normal is local x. Positive N is tension.
     energy   : (b,) elastic energy of each beam, J.
     compliance : loads times displacements, J."""

@@ -25,7 +25,7 @@ class Axonometry:
 
     @classmethod
     def from_angles(cls, up: Floats, azimuth: float = AZIMUTH, elevation: float = LEAST_ELEVATION) -> Self:
-        """Return a view by its azimuth about `up` and its elevation above the ground (degrees); 90 gives a plan."""
+        """Return a view by its azimuth about `up` and its elevation above ground, degrees; elevation 90 is a plan."""
         x = np.array([1.0, 0.0, 0.0])
         y = np.cross(up, x)
         a, e = np.radians(azimuth), np.radians(elevation)

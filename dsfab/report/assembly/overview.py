@@ -120,7 +120,7 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a strip as quads (q, 4, 3): about `piece` metres long, or for a slotted strip from corner to corner."""
+    """Return a strip as quads (q, 4, 3), each about `piece` metres long, or from corner to corner if it has slots."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:
@@ -212,7 +212,7 @@ def _ordered_steps(
     z = surface.V @ up
     heights = {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}
     span = max(max(heights.values()) - min(heights.values()), 1e-9)
-    level = 0.02  # height difference / height of the structure below which members are sorted by name
+    level = 0.02  # members are sorted by name if height difference / height of structure is smaller
     entries = [
         (number, round(heights[member.id] / span / level), k, member.id)
         for k, member in enumerate(graph.members)

@@ -217,7 +217,7 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, task.surface, task.statics.load)
 
     def all_material(self, caption: str, width: float) -> ReportFigure:
-        """Draw all material of the pattern with its loads and supports, and parts that reach no support in red."""
+        """Draw all material of the pattern with its loads and supports; parts that reach no support are red."""
         structure, task = self.findings.structure, self.findings.task
         family = np.where(kept_cells(structure.material, structure.sheet), -1, 0)
         red, material = replace(WHITE, families=(RED,)), structure.material.surface
@@ -287,7 +287,7 @@ class FindingsPictures:
 
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
-    """Return the enlargement of a preview's letters that makes them `points` high on paper.
+    """Return the factor by which a preview's letters must grow to be `points` high on paper.
     size : size of the picture, pixels.    width : width of the picture / width of the report's text."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))

@@ -63,7 +63,7 @@ def share_words(part: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share in percent with two digits: '1.8 %', '0.3 %', '12 %'."""
+    """Return a share in percent with one or two digits: '1.8 %', '0.3 %', '12 %'."""
     return f"{100 * share:.2g} %" if abs(share) < 0.1 else f"{100 * share:.0f} %"
 
 

@@ -13,7 +13,7 @@ USUAL_SPAN_SHARE = 300  # a movement > 1/300 of the span is reported [EN 1990, a
 SHOWN_SUPPORTS = 6  # number of supports in a short table of reactions
 LEVEL = 1e-3  # a horizontal force below this share of the reaction is a rounding error
 OPPOSED = 0.1
-"""Largest resultant / sum of horizontal forces at a support that count as opposite, for example along a ring.
+"""Horizontal forces at a support count as opposite (as along a ring) if their resultant / their sum is smaller.
 This ratio is 0.4 at a single foot, because its vertices also hold the foot together."""
 
 
