@@ -132,7 +132,7 @@ class _SplineSystem:
         return np.concatenate(counts)
 
     def _hats(self, x: Floats, counts: Ints) -> tuple[Floats, Ints]:
-        """Return values (4, k) of the nonzero basis functions at lengths x (k,), and numbers (k,) of the first ones."""
+        """Return values (4, k) of the nonzero basis functions at lengths x (k,), and number (k,) of the first one."""
         spans = np.array([len(span_ends) - 1 for span_ends in self.breaks])
         row, span = np.repeat(np.arange(len(spans)), spans), np.arange(spans.sum())
         span -= np.repeat(np.cumsum(spans) - spans, spans)
@@ -172,7 +172,7 @@ class _SplineSystem:
         return poles
 
     def errors(self, poles: Floats) -> list[Floats]:
-        """Return, for each line, the largest distance (s,) of each span from the polyline; poles (n, d)."""
+        """Return, for each line, the largest distance (s,) of each span from the polyline. poles : (n, d)."""
         begin = np.concatenate([lengths[:-1] for lengths in self.breaks])
         wide = np.concatenate([lengths[1:] - lengths[:-1] for lengths in self.breaks])
         four = (begin[:, None] + wide[:, None] * THIRDS).ravel()

@@ -176,7 +176,7 @@ class StepOptions:
                 "auto"         the first route above that suits the solid and passes the check, except "tessellated".
     faces     : largest number of planar faces; coplanar triangles count as one face.
     tolerance : largest error of curves along the outline, m; 0 means a fortieth of the thickness. A faceted solid is
-                simplified within this tolerance. If it is 0, this happens only if all other routes fail.
+                simplified within this tolerance; with 0, it is simplified only if all other routes fail.
     megabytes : largest size of the file, 1e6 bytes; 0: no limit.
     corners   : (k, 3) points of a flat sheet's outline, m, that stay corners, even at very small bends.
     curved    : function that returns the curved sheet for smooth STEP."""

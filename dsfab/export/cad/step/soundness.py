@@ -99,7 +99,7 @@ def _redraw(
     sound: Soundness, first_triangles: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
     """Make finer triangles of some faces; return the new judgement and the triangles.
-    All faces get finer triangles if the new triangles have another topology and do not fit the other triangles."""
+    All faces get finer triangles if the topology of the new triangles does not fit the rest of the mesh."""
     redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
         redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))

@@ -95,7 +95,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return True if members are tried without a request: the sheet has stripes and, if step = 'quick', a boundary.
+    """Return True if members are tried without a request: the sheet has stripes, and for 'quick' also a boundary.
     CAD programs usually fail to cut smooth files, but not files by members."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
@@ -153,8 +153,8 @@ def default_tolerance(part: Part) -> float:
 
 
 def _may_be_planar(part: Part) -> bool:
-    """Return False for the mesh of a curved sheet: flat facets without creases between them.
-    This test is faster than mitres and outlines of facets that are single triangles."""
+    """Return False for the mesh of a curved sheet, whose flat facets have no creases between them.
+    This quick test saves the slow search for mitres and outlines of a facet for each triangle."""
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
 
@@ -195,7 +195,7 @@ def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
-    """Recommend a strategy for cutting: members, unless they were refused or the stripes are unknown."""
+    """Recommend a strategy for files to cut: members; but faceted if members were refused or stripes are unknown."""
     by_members = [error for error in refused if _is_by_members(error)]
     over = [error for error in by_members if isinstance(error, BudgetError)]
     if over:

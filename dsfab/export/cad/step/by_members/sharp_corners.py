@@ -1,4 +1,4 @@
-"""Sharp corners for fillets: there trimmed faces move onto their edges, or edges of walls move onto the faces."""
+"""Preparation of sharp corners for fillets: trimmed faces move onto their edges, or edges of walls onto the faces."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Changes that move pieces of walls' edges onto a face: their numbers; new edges and vertices (6,), by number."""
+    """Changes that move pieces of walls' edges onto a face; new edges and new vertices (6,) are stored by number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -103,7 +103,7 @@ FLUSH_TOLERANCE = 1e-6
 """Largest distance (mm) of an edge at a sharp corner from its surface. With 5e-7 OCCT makes all fillets of a dome."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
-"""Basis at places where a surface must not move; without these places a surface of a sphere of 2 m moved by 1.4 mm."""
+"""Basis at places where a surface must not move. Without them, a surface of a sphere of 2 m moved by 1.4 mm."""
 
 MOVED = 1 / 400  # largest movement of the inside of a face / thickness
 
@@ -208,12 +208,12 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
     """Return the poles of a surface through points; None if that fails. points : four groups (k, 3).
-    The surface passes through the first group. The second group tests this within `FLUSH_TOLERANCE`.
-    The third group, on all edges, is within `SPLIT`. At the fourth group, inside, moves are at most `largest_move`."""
-    hopeless = 20.0  # the search ends if a residual / its limit is larger than this after three degrees
+    The surface passes through group 1, within `FLUSH_TOLERANCE` of group 2 (test points), within `SPLIT` of group 3
+    (on all edges), and moves by at most `largest_move` at group 4 (inside points)."""
+    hopeless = 20.0  # the search ends if, after three degrees, a residual / its limit is larger
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; OCCT ignores twice this gap, and rounding of poles adds to it
-    weights = (1.0, 1e-2), (0.1, 1e-4)  # of the old surface and of a smooth movement, in two trials
+    weights = (1.0, 1e-2), (0.1, 1e-4)  # of the old surface, and of a smooth movement; two trials
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
     heights.append(height_rows(parameters[3], len(poles) - 1) @ local[..., 2].ravel())

@@ -1,4 +1,4 @@
-"""Corrections of trimmed faces that leave the skins, or whose widest gap at an edge lies between OCCT's samples."""
+"""Corrections of trimmed faces that leave the skins, or that have the widest gap at an edge between OCCT's samples."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -193,7 +193,7 @@ class _PeakSurface:
     def _misplaced(self, gaps: Floats) -> Bools:
         """Return (e,) True if the widest gap of a seam lies between two of OCCT's samples."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # (widest gap - widest sample) / widest gap; OCCT allows 1e-5
+        short = 3e-6  # largest (widest gap - gap at the samples) / widest gap; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         return np.asarray((sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT))
@@ -208,7 +208,7 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the sample nearest to the widest of gaps (k,), and the gap wanted there; 0 for any gap."""
+    """Return the sample nearest to the widest of gaps (k,), and the gap wanted there (0: any gap)."""
     higher = 1.003  # in a second round, the moved gap must become the widest
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0

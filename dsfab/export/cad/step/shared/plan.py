@@ -94,7 +94,7 @@ class PieceJudge:
 
     @cached_property
     def volumes(self) -> Floats:
-        """(p,) volume of each piece in the mesh, cubic millimetres: sum of the prisms between the skins."""
+        """(p,) volume of each piece of the mesh, mm3: sum of the prisms between the skins."""
         return self._sum(np.ones(len(self.sheet.F)))
 
     @cached_property
@@ -117,7 +117,7 @@ class PieceJudge:
     def excess_distances(self, points: Floats) -> Floats:
         """(k,) distances of points (k, 3) from the mesh minus the allowed distances; negative for allowed points."""
         away = self.solids.distances(points)
-        is_far = away > self.limits.distance / 2  # only these need the local limit, which takes time
+        is_far = away > self.limits.distance / 2  # only far points need the local limit, which takes time
         away[is_far] -= self.limits.allowed_distances(points[is_far])
         away[~is_far] -= self.limits.distance
         return away
@@ -126,7 +126,7 @@ class PieceJudge:
         """Return distances of the triangles V (n, 3), F (m, 3) from the triangles V2, F2, at corners and centres."""
         points = np.concatenate([V[corners_of(F, np.ones(len(F), dtype=bool), len(V))], V[F].mean(axis=1)])
         away = nearest_places(points, V2, F2).distance
-        far_points = points[away > self.limits.distance]  # only these need the local limit
+        far_points = points[away > self.limits.distance]  # nearer points need no local limit
         if not len(far_points):
             return MeshDistances(float(away.max()), float(away.max()), self.limits.distance, far_points)
         far_distances, allowed = away[away > self.limits.distance], self.limits.allowed_distances(far_points)
@@ -151,5 +151,5 @@ class SolidPlan:
 
     @cached_property
     def gate(self) -> PieceJudge:
-        """Comparison of undivided pieces with the mesh."""
+        """Judge that compares undivided pieces with the mesh."""
         return PieceJudge(self.solids, self.whole, self.limits)

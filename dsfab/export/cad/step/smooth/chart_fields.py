@@ -14,7 +14,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)  # largest angle between normals and cone after borders are straightened
+CONE_SLACK = np.deg2rad(12.0)  # straight borders may move normals out of the cone by this angle
 REACH = 0.25  # length over which the fields of charts diffuse / radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
@@ -38,7 +38,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """Return (m,) the cluster of each face; the normals of a cluster lie in a cone, unless the rounds run out."""
+    """Return (m,) the cluster of each face. The normals of a cluster lie in a cone if `rounds` is large enough."""
     rounds = 30  # at most 30 rounds add seeds of clusters
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)

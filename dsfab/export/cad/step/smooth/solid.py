@@ -171,8 +171,8 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
-    """Return the ends of edges at sharp corners whose two sides cross near the corner: 2 k and 2 k + 1 for edge k.
-    Sides cross if their tangents at the corner and the vectors to their middles are in opposite orders."""
+    """Return the ends of edges (2 k and 2 k + 1 for edge k) at sharp corners whose two sides cross near the corner.
+    Sides cross if one side turns left of the other at the corner, but has its middle on the right of the other."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])

@@ -71,8 +71,8 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
 
 
 def sample(path: Path) -> dict[str, Any]:
-    """Return the result of one cut through the middle of a file: `box`, `halves` (True if valid) and `off`, the
-    error."""
+    """Return the result of one cut through the middle of a file: `box`, `halves` (True if valid) and `off` (error of
+    the volume)."""
     begin = time.process_time()
     shape = read(path)
     box = bounds(shape)
