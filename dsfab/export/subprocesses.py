@@ -21,7 +21,7 @@ except ImportError:  # on Windows only the clock limits a program
 
 
 class ProgramError(RuntimeError):
-    """A program failed or printed no output; the text is the last line of its error output."""
+    """A program failed or printed nothing. The message is the last line of its error output."""
 
 
 class _Work:

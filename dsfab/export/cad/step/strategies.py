@@ -61,7 +61,7 @@ def prepare(part: Part) -> Part:
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
     """Yield the part with each strategy in turn, the best first, or the BudgetError of a strategy above the budget.
     A solid is simplified before faceting if the user sets a tolerance; otherwise only if all other strategies fail."""
-    tighter = 1 / 4  # tolerance of a second planar file / tolerance of the first, in which curves may cross
+    tighter = 1 / 4  # tolerance of a second planar file / tolerance of the first; tighter curves may not cross
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
         yield part
@@ -112,7 +112,7 @@ def _striped_sheet(part: Part) -> Curved | None:
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
     """Yield the attempts that remain after a faceted part was refused.
     members : the part with the strategy members; None if slow attempts are not allowed.
-    quick   : True to stop if the first simplification is far over the limit."""
+    quick   : True to stop if the first simplified part is far above the limit."""
     far_factor = 2  # number of faces / allowed number above which further tries do not help
     is_far = False
     if not part.tolerance:

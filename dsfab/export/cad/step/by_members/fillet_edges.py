@@ -79,7 +79,7 @@ TANGENT_GAP = 3e-5
 
 POLE_OFFSET = 1e-5
 """Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face.
-After the movement, OCCT gives the seam a tolerance of 4e-5 mm. The seam needs 1.4e-5 mm."""
+The seam needs a tolerance of 1.4e-5 mm. After the movement, OCCT gives it a tolerance of 4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,11 +254,11 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
     return np.stack(parts)
 
 
-CLEAR_EDGE = 1 / 7  # cuts of a wall's edge lie beyond the ends of fillets of this radius / thickness
+CLEAR_EDGE = 1 / 7  # a wall's edge is cut beyond the end of a fillet of this radius / thickness
 
 LONGEST_SHARE = 4.0
-"""Largest length of an edge at a corner, divided by the thickness and by the tangent of half the bend (at most 1).
-OCCT searches the end of a fillet with few samples of the edge. On a longer edge it may find the far end."""
+"""Largest length of an edge at a corner / (thickness * t). t is the tangent of half the bend, but at most 1.
+OCCT looks for the end of a fillet at few samples of the edge. On a longer edge, it may find the wrong end."""
 
 DENSE = np.linspace(0, 1, 129)  # parameters where an edge is compared with its trimmed face
 
@@ -301,7 +301,7 @@ def _stops(
     """Return the places of cuts of an edge with corners, as fractions of its length.
     Between a corner and its cut, no gap to the trimmed face is wider than the gaps at the corner and at the cut.
     corners : tangents of half the bend at start and end; 0 if there is no corner.
-    ending  : True at a corner where the directed edge ends; its cut is at most `LONGEST_SHARE` away."""
+    ending  : True at a corner where the directed edge ends; `LONGEST_SHARE` limits the distance of the cut."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
@@ -332,7 +332,7 @@ class CutEdges:
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at `stops`, fractions of its length towards `ahead`. against : True to reverse the first part."""
+        """Cut an edge at `stops`, fractions from its start (`ahead`) or end. against : the first part is reversed."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

@@ -254,7 +254,7 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
-    """Return the outline chains of round corners: bent chains, and chords whose arcs are within `tolerances` (mm)."""
+    """Return the outline chains of round corners: chains with a bend, and chords of arcs within `tolerances` (mm)."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
@@ -316,7 +316,7 @@ class _Corners:
         return self.known[kind]
 
     def _way(self, node: int, before: int, after: int) -> Floats | None:
-        flattest = 25.0  # smallest angle between border and arc, degrees; narrower patches are folded
+        flattest = 25.0  # smallest angle between border and arc, degrees; patches in smaller angles fold
         P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
         way_before, way_after = _scaled_direction(P[3] - P[2]), _scaled_direction(Q[1] - Q[0])
         if _mean_direction(way_before) @ _mean_direction(way_after) < np.cos(CORNER_ANGLE):

@@ -215,7 +215,7 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
     border = np.zeros(len(used), dtype=bool)
     border[edges.ends[edges.boundary]] = True
     away = np.asarray(cKDTree(P[used[border]]).query(P[used])[0])
-    # paths keep away from walls, because straightening would cross the walls
+    # paths keep away from walls, because straightened paths could cross walls
     wall_factor = 1 + wall_distance / np.maximum(away[ends].mean(axis=1), wall_distance / 4)
     long = np.tile(wall_factor * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1), 2)
     start, end = np.concatenate([ends, ends[:, ::-1]]).T

@@ -150,7 +150,7 @@ def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, F
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """Return a face after rims moved onto it; None if a movement or a gap at the edges would exceed `SPLIT`."""
+    """Return a face after rims moved onto it; None if a rim would move by more than `SPLIT`, or a gap be wider."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:
@@ -212,7 +212,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
     (on all edges), and moves by at most `largest_move` at group 4 (inside points)."""
     hopeless = 20.0  # the search ends if, after three degrees, a residual / its limit is larger
     more_degrees = 6  # the degree of a surface rises by at most 6
-    exact = 5e-8  # mm; OCCT ignores twice this gap, and rounding of poles adds to it
+    exact = 5e-8  # mm; OCCT ignores gaps up to twice this, but rounded poles widen the gap
     weights = (1.0, 1e-2), (0.1, 1e-4)  # of the old surface, and of a smooth movement; two trials
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]

@@ -80,7 +80,7 @@ SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a s
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
     """Move the widest gap of each seam that ends at an outline to a point where OCCT measures gaps.
-    A face does not change if a gap would become wider than `SPLIT`, or if its inside would move farther than that."""
+    A face does not change if its widest gap, or the movement of its inside, would then be larger than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -208,7 +208,7 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the sample nearest to the widest of gaps (k,), and the gap wanted there (0: any gap)."""
+    """Return the number of the sample nearest to the widest of gaps (k,), and the wanted gap there (0: any gap)."""
     higher = 1.003  # in a second round, the moved gap must become the widest
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0

@@ -246,7 +246,7 @@ class Lifting:
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Replace points between two faces beside a crease by the nearest points in a face. These have a known side."""
+        """Replace points beside a crease that are in no face by the nearest points in a face, whose side is known."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights

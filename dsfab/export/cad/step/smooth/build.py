@@ -221,7 +221,7 @@ def smooth_file(part: Part) -> SmoothPieceFile:
 
 
 def first_draft(part: Part) -> tuple[int, int]:
-    """Return faces and bytes of a part's first smooth file without checks; raises ExportError if it has no piece."""
+    """Count faces and bytes of a part's first, unchecked smooth file; raises ExportError if the file has no piece."""
     plan = SmoothPlan(part)
     with one_blas_thread():
         model = plan.build(next(plan.layouts())).model
@@ -234,7 +234,7 @@ def first_draft(part: Part) -> tuple[int, int]:
 class _SmoothSearch:
     def __init__(self, part: Part) -> None:
         self.part, self.plan = part, SmoothPlan(part)
-        self.inspected, self.most = 0, 6000  # faces (1 to 2 minutes of OCCT) after which no layout is tried
+        self.inspected, self.most = 0, 6000  # after 6000 faces (1 to 2 minutes of OCCT), no other layout is tried
         self.taken, self.reason, self.pieces = list[_AcceptedPiece](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()

@@ -89,7 +89,7 @@ class SurfaceFit:
     """Surface that was fitted to points.
     off     : largest distance from the points for which the tolerance applies, mm.
     size    : geometric mean of the wanted numbers of poles in both directions.
-    starved : True if more points would allow more poles."""
+    starved : True if the number of points limited the number of poles."""
 
     patch: SplinePatch
     off: float
@@ -109,7 +109,7 @@ def fitted_surface(
     """Fit a surface with few poles to Q (k, 6), one point on each skin. The tolerance applies to the points `inside`.
     first_poles : number of poles at the start, the geometric mean of both directions.
     most_poles  : largest number of poles in each direction.
-    The number of poles grows with the fourth root of the error."""
+    The next number of poles follows from the fourth root of the error."""
     points_per_pole = 2.5  # with fewer points, surfaces have waves between the points and gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
