@@ -247,9 +247,8 @@ class Part:
 
 
 def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
-    """Return a solid or sheet as a part in millimetres. Raises ExportError for a mesh without faces or with numbers
-    that
-    are not finite, and for a solid that is open or has no volume."""
+    """Return a solid or sheet as a part in millimetres. Raises ExportError if it has no faces, or numbers that are not
+    finite, and if a solid is open or has no volume."""
     part = Part(thing.V * MM_PER_M, thing.F, name, isinstance(thing, Solid), step_faces)
     if not len(part.F):
         raise ExportError(f"{name!r} has no faces, so the file would be empty; check the mesh")

@@ -194,7 +194,7 @@ def _set_name(text: str) -> str:
 
 
 SUFFIX = ".beams.inp"
-PIECES = 4  # elements per beam; with four elements, bent joints are up to 8 % too stiff
+PIECES = 4  # number of elements per beam; joints in bending are then up to 8 % too stiff
 
 
 def encode(part: Part) -> Iterator[bytes]:

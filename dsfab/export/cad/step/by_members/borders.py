@@ -16,7 +16,7 @@ from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, sig
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
-TOUCHING_SHARE = 1 / 400  # parts of an outline at a smaller distance / thickness touch
+TOUCHING_SHARE = 1 / 400  # parts of an outline touch if their distance / thickness is smaller
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
@@ -73,7 +73,7 @@ def crossing_segments(lines: list[Floats]) -> Bools:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """If the outline of a region crosses or nearly touches itself, join the region with a neighbour, if it has one."""
+    """Join regions whose outline crosses or nearly touches itself with a neighbour, if there is one."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):

@@ -193,7 +193,7 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
     return result
 
 
-PARABOLA_SHARE = 1 / 10  # distance of a parabola from its cubic / allowed distance from the mesh, at most
+PARABOLA_SHARE = 1 / 10  # a parabola's largest distance from its cubic / allowed distance from the mesh
 ZERO_DIFFERENCE = 1e-8  # smaller third differences (mm) are rounding errors
 
 BOW_FACTOR = np.sqrt(3) / 36

@@ -75,7 +75,7 @@ LARGE_FILLET_SHARE = 1 / 8
 OCCT extends the patch at such a seam along its tangents. Larger fillets have larger gaps, and are invalid."""
 
 TANGENT_GAP = 3e-5
-"""Wanted gap (mm) at the end of the fillet. For smaller gaps, the extended seam would leave the patch elsewhere."""
+"""Wanted gap (mm) at the end of the fillet. A smaller gap needs a longer seam, which would leave the patch."""
 
 POLE_OFFSET = 1e-5
 """Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face.
@@ -98,7 +98,7 @@ def curves_beyond(model: NetModel) -> dict[int, Floats]:
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return for each extended edge, by number, its extensions (2,) / edge length, and its new poles (4, 6)."""
+    """Return for each extended edge, by number, both extensions (2,) / edge length, and the extended poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -266,7 +266,7 @@ DENSE = np.linspace(0, 1, 129)  # parameters where an edge is compared with its 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Put the walls around each outline, and their edges, in the order that OCCT needs for fillets.
     An outline begins at its smoothest joint of two walls. If this joint has an angle, the first wall needs two edges,
-    one for each corner, so a single edge is cut in two. The first edge is then reversed."""
+    one for each of its ends, so a single edge is cut in two. Then the first edge is reversed."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):

@@ -88,7 +88,7 @@ def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased:
 
 
 def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
-    """Return for each node the chains that begin there, with 0, and the chains that end there, with -1."""
+    """Return the ends of chains at each node: (chain, 0) if the chain begins there, (chain, -1) if it ends there."""
     node_ends = dict[int, list[tuple[int, int]]]()
     for k, chain in net.chains.items():
         for end in (0, -1):
@@ -358,7 +358,7 @@ class RegionInterior:
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
         """Return (m,) True for cells with a side longer than the thickness, or long for their region's size (m,)."""
-        region_share = 1 / 6  # a side longer than this / size of the region is long
+        region_share = 1 / 6  # a side is long if its length / size of the region is larger
         P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)
         return np.asarray(long > np.minimum(self.thickness, region_share * size))

@@ -58,17 +58,16 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two directions (k, 2), right-handed, as sides of the parallelogram that extends least beyond the
-        box.
-        The parallelogram's corners are at the heights of a quadratic surface through all points."""
+        """Choose two directions (k, 2), right-handed: sides of the parallelogram that extends least beyond `box`.
+        The heights of its corners are those of a quadratic surface through all points."""
         least_sine = 1 / 4  # with smaller angles of the parallelogram, surfaces are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
-        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # closed edges have no chord
+        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # a closed edge has no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         leftwards = places_in_plane @ turned
-        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) extent to the left of each direction
+        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) range of distances to the left
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
         i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
@@ -103,7 +102,7 @@ A cut part has other points, where the gap may be wider. OCCT then allows at mos
 (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points in two groups of trials; inner points have weight 1. The smaller one is for gaps that stay."""
+"""Weights of edge points in two groups of trials; inner points have weight 1. The smaller one is for wide gaps."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
 """Weights of second differences of the movement of poles, in two trials.
@@ -308,7 +307,7 @@ def _base_poles(over: FaceDomain) -> Floats:
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Return heights of poles over a domain, and the distances of the surface from edges and inner points.
     Low degrees are tried first, because high degrees have waves between points. The first fit within `limits` is
-    taken; otherwise the fit with a gap below `SPLIT` that is nearest to the inner points; otherwise the best sum."""
+    taken; otherwise the fit nearest to the inner points with a gap below `SPLIT`; otherwise the fit nearest to all."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):

@@ -123,7 +123,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest of a face's four ratios value / limit: gap, inner points, poles outside the box, mesh."""
+    """Return the largest of a face's ratios value / limit: for its gap, and its distances from points, box and mesh."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles add their own distance

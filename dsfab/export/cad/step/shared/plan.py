@@ -101,7 +101,7 @@ class PieceJudge:
     def excess_volumes(self) -> Floats:
         """(p,) fraction by which each piece may have more volume than the mesh, whose edges are chords of a curve."""
         sheet = self.sheet
-        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the search for triangles is twice as fast from a skin
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the triangles are found twice as fast from a skin
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
 
     def _sum(self, share: Floats) -> Floats:
@@ -110,7 +110,7 @@ class PieceJudge:
         return np.asarray(np.bincount(sheet.piece, volumes, sheet.count), dtype=np.float64)
 
     def distances(self, V: Floats, F: Ints) -> tuple[MeshDistances, MeshDistances]:
-        """Return distances from triangles V (n, 3), F (m, 3) of all solids to the part's, and from the part's to these."""
+        """Return distances from triangles V (n, 3), F (m, 3) of all solids to the mesh, and from the mesh to these."""
         part = self.solids.part
         return self.farthest(V, F, part.V, part.F), self.farthest(part.V, part.F, V, F)
 

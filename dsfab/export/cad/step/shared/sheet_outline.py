@@ -77,7 +77,7 @@ def _middle(sheet: DividedSheet, shift: int) -> tuple[Floats, Floats]:
 
 
 def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
-    """Return the regions of a sheet. shift : distance of the sheet's middle from its vertices, in half-thicknesses."""
+    """Return the regions of a sheet. shift : distance of the sheet's middle from its vertices / half the thickness."""
     V, D, F = *_middle(sheet, shift), sheet.F
     table = edge_table(F)
     _, piece = pieces(F, table)

@@ -149,7 +149,7 @@ class SmoothLimits:
 
     @cached_property
     def usual_chord(self) -> float:
-        """Chord error that 90 % of the triangles keep below."""
+        """Chord error that only 10 % of the triangles exceed."""
         return float(np.percentile(self.chord, 90))
 
     @property

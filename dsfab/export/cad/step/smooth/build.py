@@ -130,7 +130,7 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Plan for a part's smooth file; raises ExportError for an unknown sheet, or too many walls without a request."""
+    """Plan for a part's smooth file; raises ExportError if the sheet is unknown, or has many walls (unless asked)."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)

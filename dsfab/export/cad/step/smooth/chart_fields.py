@@ -64,7 +64,7 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 
 def _dual(surface: Surface) -> csr_array:
-    """Return the graph of distances between neighbouring faces. Angles add distance, so that clusters end at bends."""
+    """Return the graph of distances between neighbouring faces. Bends make them longer, so that clusters end there."""
     turn_cost = 0.2  # cost of an angle of one radian / square root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
@@ -95,7 +95,7 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
     mean = np.stack([np.bincount(label, x) for x in (surface.areas[:, None] * surface.normals).T], axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
     area = np.bincount(label, surface.areas)[:, None]
-    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # 0 for a closed cluster
+    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # a closed cluster has none
     return np.asarray(np.einsum("mi,mi->m", surface.normals, mean[label]))
 
 

@@ -80,7 +80,7 @@ class SplinePatch:
 
 SMOOTHING = 1e-5  # weight of the differences between poles, against the distances from points
 FEWEST_POLES, MOST_POLES = 6, 48  # smallest and largest number of poles of a fit in one direction
-FEW_POLES = 24  # largest number of poles in one direction, if a chart may be divided; more are slow in OCCT
+FEW_POLES = 24  # largest number of poles in one direction if a chart can still be divided; OCCT is slow with more
 FIRST_POLES = 8.0  # number of poles of the first attempt: geometric mean of both directions
 
 
@@ -332,7 +332,7 @@ class ChartAtlas:
     ) -> None:
         """Fit the charts of these numbers and the charts that they are divided into.
         hopeless : function of a failed chart's number; returns True if further charts are useless."""
-        useless = 3  # largest error / tolerance; OCCT measures the pieces again later
+        useless = 3  # a chart fails if its error / tolerance is larger; OCCT checks all pieces later
         fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:

@@ -148,7 +148,7 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
     return np.concatenate([poles[:-1] for poles in pole_rows])
 
 
-ROUNDED = 1e-9  # distance of a point from a chord / length of the chord below which the point is on the chord
+ROUNDED = 1e-9  # a point is on a chord if its distance / length of the chord is smaller
 
 
 def crossings(piece: SmoothPiece) -> Floats:
@@ -172,7 +172,7 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     """Return the ends of edges (2 k and 2 k + 1 for edge k) at sharp corners whose two sides cross near the corner.
-    Sides cross if one side turns left of the other at the corner, but has its middle on the right of the other."""
+    Sides cross if one of them begins on the left of the other, but has its middle on the right of the other."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
