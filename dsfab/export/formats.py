@@ -1,4 +1,4 @@
-"""All file formats, and the function `write`, which writes a solid or a sheet to a file."""
+"""File formats, and the function `write`, which writes a solid or a sheet to a file."""
 
 import difflib
 import time
@@ -164,7 +164,7 @@ FORMATS: dict[str, MeshFormat | SheetFormat | MemberFormat] = {
         saf.encode, saf.check, sentence=saf.agreement_text, ready=saf.require_xlsxwriter, content="frame"
     ),
 }
-"""All formats, by the suffix of the file."""
+"""File formats by the suffix of the file."""
 
 
 def write(

@@ -172,7 +172,7 @@ def encode_compressed(part: Part) -> Iterator[bytes]:
 
 
 def check_compressed(part: Part, path: Path) -> ReadBack:
-    """Unpack the archive, compare its checksum, and check the file as STEP; raises ExportError."""
+    """Unpack the archive, compare its checksum, and check the file as STEP. Raises ExportError if a check fails."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder, zipfile.ZipFile(path) as archive:
         if len(archive.namelist()) != 1 or archive.testzip() is not None:
             raise ExportError(f"the compressed STEP file of {part.name!r} does not unpack; write .step instead")

@@ -14,7 +14,7 @@ from dsfab.export.curves import Curve, curves_through, split_at_knots
 from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
-SAME_PLACE = 1e-3  # distance (mm) below which corner and vertex, or outlines of both skins, are in one place
+SAME_PLACE = 1e-3  # points at a smaller distance (mm) are in one place
 WIDTH_SHARE = 0.1  # largest tolerance of a loop / (area / length of the loop), to keep narrow loops
 GAP_SHARE = 0.25  # largest tolerance of a loop / distance from other loops, to keep curves apart
 

@@ -29,7 +29,7 @@ from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
-"""Limit of processor time of each OCCT program: seconds, and seconds per face. Usual times are far shorter."""
+"""Limit of processor time for each OCCT program: seconds, and seconds per face. Most programs need far less."""
 
 CUT_COUNT = len(PLANES)
 

@@ -47,7 +47,7 @@ class NetPatch:
 @dataclass(eq=False)
 class NetModel:
     """Boundary model of a solid by members.
-    vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches.
+    vertices : (6,) points on both skins, mm.    trimmed : loops around regions without patches.
     compact  : trimmed regions with four sides.
     seam     : True for a one-sided surface that was cut open. At this seam the outer skin meets the inner skin."""
 

@@ -106,7 +106,7 @@ def points_inside(points: Floats, lines: Sequence[Floats]) -> Bools:
         (ax, ay), (bx, by) = line.T, np.roll(line, -1, axis=0).T
         slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
         above = ay > y[:, None]
-        # only segments that a horizontal line through a point can cut need the exact test
+        # the exact test is only for segments that the horizontal line through a point meets
         i, j = np.nonzero(above != np.roll(above, -1, axis=1))
         is_left = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
         is_inside ^= np.bincount(i[is_left], minlength=len(points)) % 2 == 1

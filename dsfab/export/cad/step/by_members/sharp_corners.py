@@ -109,7 +109,7 @@ MOVED = 1 / 400  # largest movement of the inside of a face / thickness
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Cut edges at sharp corners beside trimmed faces, and move these faces exactly onto the parts at the corners.
+    """Cut edges near sharp corners beside trimmed faces, and move these faces exactly onto the pieces at the corners.
     If a face cannot move within the limits `SPLIT` and `MOVED`, the edges of its walls move onto the face instead.
     These edges move by at most `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
@@ -169,7 +169,7 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return the places of cuts of an edge, beyond the fillets at its ends, as fractions of the edge's length.
+    """Return the places where an edge is cut, beyond the fillets at its ends, as fractions of the edge's length.
     halves : length of the fillet at each end, divided by its radius."""
     shortest_cut = 0.1  # a cut part is longer than this fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
@@ -213,7 +213,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
     hopeless = 20.0  # the search ends if, after three degrees, a residual / its limit is larger
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; OCCT ignores gaps up to twice this, but rounded poles widen the gap
-    weights = (1.0, 1e-2), (0.1, 1e-4)  # of the old surface, and of a smooth movement; two trials
+    weights = (1.0, 1e-2), (0.1, 1e-4)  # weights of the old surface and of smoothness, by trial
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
     heights.append(height_rows(parameters[3], len(poles) - 1) @ local[..., 2].ravel())

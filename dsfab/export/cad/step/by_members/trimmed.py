@@ -252,7 +252,7 @@ def _surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    high = 2.0  # if a pole is farther above or below all points / `limits.off`, the degree rises by one
+    high = 2.0  # the degree rises if a pole's height above or below all points / `limits.off` is larger
     z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
         z = raised_poles(z, BASE_DEGREE + 1)

@@ -209,7 +209,7 @@ def _summits(gaps: Floats) -> Floats:
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
     """Return the number of the sample nearest to the widest of gaps (k,), and the wanted gap there (0: any gap)."""
-    higher = 1.003  # in a second round, the moved gap must become the widest
+    higher = 1.003  # in later rounds, the gap at the sample must become the widest
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 

@@ -291,9 +291,9 @@ STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine of a chart's normals and 
 class SkinChart:
     """Plane of a chart, and both skins as surfaces over the plane. Lengths in millimetres.
     origin, axes : (3,) point of the plane, and (3, 3) axes: two axes in the plane, and its normal.
-    upper, lower, middle : surfaces of the skins, and half way between the skins.
+    upper, lower, middle : surfaces of both skins, and the surface half way between them.
     tolerance    : tolerance of the fit; larger on a coarse mesh.
-    steepest     : cosine of the largest angle between the plane and a face, 1st percentile.
+    steepest     : cosine of the angle to the plane that only 1 % of the faces exceed.
     off          : largest distance of a skin from its points."""
 
     origin: Floats

@@ -194,7 +194,7 @@ def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
     reach = long.max()
     chord_a, chord_b = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
     apart = np.linalg.norm(middle[chord_a] - middle[chord_b], axis=1)
-    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2  # only near chords can cross
+    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2  # distant chords cannot cross
     chord_a, chord_b = chord_a[is_close], chord_b[is_close]
     meet = np.zeros(len(chord_a), dtype=bool)
     for a in (start, end):

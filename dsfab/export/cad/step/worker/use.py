@@ -182,7 +182,7 @@ def _split(shape: Any, tool: Any) -> list[Any]:
 
 
 def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> bool:
-    meet = 0.05  # largest distance (mm) of coinciding ends of edges
+    meet = 0.05  # ends of edges at a smaller distance (mm) are one point
     from OCP.BRep import BRep_Tool
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Section
     from OCP.TopoDS import TopoDS
@@ -259,7 +259,7 @@ def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
 
 
 def _ends_at_corners(edge: Any, edges: Any) -> bool:
-    """Return True if no edge continues a straight edge at its ends; edges : of the shape, by vertex."""
+    """Return True if no other edge continues a straight edge. edges : edges of the shape, by vertex."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.TopExp import TopExp
