@@ -45,7 +45,7 @@ ACTIONS = {
     "variable": ("Variable", "Standard"),
 }
 """Action type and load type in SAF for each kind of load case."""
-GROUPS = {"snow": "Snow", "wind": "Wind", "variable": "Domestic"}  # load types of groups of variable loads
+GROUPS = {"snow": "Snow", "wind": "Wind", "variable": "Domestic"}  # load type of each group of variable loads, by kind
 DIRECTIONS = ("ux", "uy", "uz", "fix", "fiy", "fiz")
 STIFFNESS = (
     *("Stiffness X [MN/m]", "Stiffness Y [MN/m]", "Stiffness Z [MN/m]"),

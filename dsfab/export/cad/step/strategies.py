@@ -38,8 +38,8 @@ QUICK_FACTOR = 3
 If OCCT refuses the first layout, another one often succeeds, because its seams lie elsewhere."""
 
 MEMBER_FACES_FACTOR = 2
-"""Largest number of faces by members / usual number, if facets exceed the budget in step = 'auto'.
-CAD programs usually fail to cut the smooth file that would be the next attempt."""
+"""With step = 'auto', files by members may have this many times the usual faces if a faceted file is too large.
+The next attempt would be a smooth file, which CAD programs usually fail to cut."""
 
 
 def prepare(part: Part) -> Part:
@@ -154,7 +154,7 @@ def default_tolerance(part: Part) -> float:
 
 def _may_be_planar(part: Part) -> bool:
     """Return False for the mesh of a curved sheet, whose flat facets have no creases between them.
-    This quick test saves the slow search for mitres and outlines of a facet for each triangle."""
+    Without this quick test, each triangle could become a facet, with slow mitres and outlines."""
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
 

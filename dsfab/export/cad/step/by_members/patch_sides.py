@@ -90,7 +90,7 @@ class QuadSide:
 
 
 SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
-"""Parts of the bottom, right, top and left side of a region between its stations; opposite sides run the same way."""
+"""Parts of the bottom, right, top and left side of a region between its stations; opposite sides have one direction."""
 
 
 class SideStations:
@@ -193,7 +193,7 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Fraction of the mesh's chord error that is added to the tolerance of lines. More moves tori too far from the mesh."""
+"""Fraction of the chord error in the tolerance of lines. With a larger fraction, tori are too far from the mesh."""
 
 
 class LineFits:

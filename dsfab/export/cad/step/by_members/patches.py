@@ -214,8 +214,7 @@ def _starts(parts: Sequence[Floats]) -> Ints:
 
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """Return by how much (k,) the patches of each region exceed the allowed distance from the mesh; -inf if no
-    limit is set."""
+    """Return by how much (k,) the patches of each region exceed their distance limit, mm; -inf without a limit."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))

@@ -122,8 +122,8 @@ class _PeakSurface:
     edges: Floats
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return the poles of lowest degree for which the most seams have their widest gap at one of OCCT's samples.
-        exact : True to keep exact edges exact."""
+        """Return poles with which as many seams as possible have their widest gap at one of OCCT's samples.
+        Low degrees are preferred. exact : True if exact edges must stay exact."""
         more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)

@@ -95,7 +95,7 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
     mean = np.stack([np.bincount(label, x) for x in (surface.areas[:, None] * surface.normals).T], axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
     area = np.bincount(label, surface.areas)[:, None]
-    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # a closed cluster has none
+    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # zero for a closed cluster
     return np.asarray(np.einsum("mi,mi->m", surface.normals, mean[label]))
 
 

@@ -284,7 +284,7 @@ def _axes(V: Floats, across: Floats) -> Floats:
 
 HALVED = 4  # largest number of divisions of a chart
 
-STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine of a chart's normals and its axis; steeper charts are divided
+STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine between normals and axis of a chart; steeper charts are divided
 
 
 @dataclass(frozen=True, eq=False)

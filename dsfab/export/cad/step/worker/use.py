@@ -19,7 +19,7 @@ PLANES = (
 )
 """Cutting planes: normal, and distance from the middle of the box as a fraction of its diagonal."""
 
-BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))  # two corners of the box that cuts, as fractions of the solids' box
+BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))  # corners of the cutting box, as fractions of the solids' box
 
 FILLETS, SHARP = 10, 20.0  # number of edges to round; smallest angle (degrees) between their faces
 
@@ -71,8 +71,7 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
 
 
 def sample(path: Path) -> dict[str, Any]:
-    """Return the result of one cut through the middle of a file: `box`, `halves` (True if valid) and `off` (error of
-    the volume)."""
+    """Return the result of a cut through the middle: `box`, `halves` (True if valid), `off` (volume error)."""
     begin = time.process_time()
     shape = read(path)
     box = bounds(shape)
