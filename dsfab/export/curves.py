@@ -132,7 +132,7 @@ class _SplineSystem:
         return np.concatenate(counts)
 
     def _hats(self, x: Floats, counts: Ints) -> tuple[Floats, Ints]:
-        """Return values (4, k) of the nonzero basis functions at lengths x (k,), and numbers (k,) of the first ones."""
+        """Return values (4, k) of the nonzero basis functions at lengths x (k,), and number (k,) of the first one."""
         spans = np.array([len(span_ends) - 1 for span_ends in self.breaks])
         row, span = np.repeat(np.arange(len(spans)), spans), np.arange(spans.sum())
         span -= np.repeat(np.cumsum(spans) - spans, spans)
@@ -160,7 +160,7 @@ class _SplineSystem:
         return self._smooth_poles(system, poles, points, tangent) if tangent.any() else poles
 
     def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
-        """Add the tangent d of each smooth line; d couples its first and last poles, outside the matrix's band."""
+        """Add the tangent d of each smooth line. It couples the line's first and last poles outside the band."""
         free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
         along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
@@ -172,7 +172,7 @@ class _SplineSystem:
         return poles
 
     def errors(self, poles: Floats) -> list[Floats]:
-        """Return, for each line, the largest distance (s,) of each span from the polyline; poles (n, d)."""
+        """Return, for each line, the largest distance (s,) of each span from the polyline. poles : (n, d)."""
         begin = np.concatenate([lengths[:-1] for lengths in self.breaks])
         wide = np.concatenate([lengths[1:] - lengths[:-1] for lengths in self.breaks])
         four = (begin[:, None] + wide[:, None] * THIRDS).ravel()

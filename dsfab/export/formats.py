@@ -1,4 +1,4 @@
-"""All file formats, and the function `write`, which writes a solid or a sheet to a file."""
+"""File formats, and the function `write`, which writes a solid or a sheet to a file."""
 
 import difflib
 import time
@@ -88,7 +88,7 @@ class MemberFormat(Format):
 @dataclass(frozen=True)
 class Written:
     """A file that was written and read back.
-    size : bytes.    seconds : time of writing and reading.    found : content according to the second reader."""
+    size : bytes.    seconds : time of writing and reading.    found : content that was read back."""
 
     path: Path
     size: int
@@ -164,7 +164,7 @@ FORMATS: dict[str, MeshFormat | SheetFormat | MemberFormat] = {
         saf.encode, saf.check, sentence=saf.agreement_text, ready=saf.require_xlsxwriter, content="frame"
     ),
 }
-"""All formats, by the suffix of the file."""
+"""File formats by the suffix of the file."""
 
 
 def write(
@@ -186,10 +186,10 @@ def write(
     note    : receives a sentence on the chosen route of a STEP file, and why better routes failed.
     report  : receives size, seconds, number of triangles or faces, and the error of the volume.
 
-    Equal input gives equal bytes. A second reader must find the same closed triangles, and the volume (of a sheet: the
+    Equal input gives equal bytes. The file read back must have the same closed triangles, and its volume (a sheet's
     area) within 0.1 %. If this check fails, an older file with the same name is unchanged.
-    Raises ExportError for an unknown suffix, a missing library, or too many faces for STEP, if the part lacks data that
-    the format needs, if the file cannot be written, or if it differs when read back."""
+    Raises ExportError for an unknown suffix, a missing library, missing data, or too many faces for STEP. Also raises
+    it if the file cannot be written, or differs when read back."""
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)
     form.ready()

@@ -176,7 +176,7 @@ class StepOptions:
                 "auto"         the first route above that suits the solid and passes the check, except "tessellated".
     faces     : largest number of planar faces; coplanar triangles count as one face.
     tolerance : largest error of curves along the outline, m; 0 means a fortieth of the thickness. A faceted solid is
-                simplified within this tolerance. If it is 0, this happens only if all other routes fail.
+                simplified within this tolerance; with 0, it is simplified only if all other routes fail.
     megabytes : largest size of the file, 1e6 bytes; 0: no limit.
     corners   : (k, 3) points of a flat sheet's outline, m, that stay corners, even at very small bends.
     curved    : function that returns the curved sheet for smooth STEP."""
@@ -247,9 +247,8 @@ class Part:
 
 
 def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
-    """Return a solid or sheet as a part in millimetres. Raises ExportError for a mesh without faces or with numbers
-    that
-    are not finite, and for a solid that is open or has no volume."""
+    """Return a solid or sheet as a part in millimetres. Raises ExportError if it has no faces, or numbers that are not
+    finite, and if a solid is open or has no volume."""
     part = Part(thing.V * MM_PER_M, thing.F, name, isinstance(thing, Solid), step_faces)
     if not len(part.F):
         raise ExportError(f"{name!r} has no faces, so the file would be empty; check the mesh")

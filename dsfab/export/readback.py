@@ -1,4 +1,4 @@
-"""Comparison of a written file with its part: a second reader returns the mesh, the lines or the members."""
+"""Comparison of a written file with its part. Another library reads the mesh, the lines or the members back."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -21,7 +21,7 @@ except ImportError:  # on Windows only the clock limits a program
 
 
 class ProgramError(RuntimeError):
-    """A program failed or printed no output; the text is the last line of its error output."""
+    """A program failed or printed nothing. The message is the last line of its error output."""
 
 
 class _Work:
@@ -50,7 +50,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Do `work` once: while the first program in this context runs, or at the end if none ran and nothing failed."""
+    """Do `work` once: while the first program in this context runs; at the end if no program ran and nothing failed."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:

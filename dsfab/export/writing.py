@@ -19,7 +19,7 @@ from typing import Any
 
 from dsfab.core.errors import ExportError
 
-TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")  # zeros at the end of decimals; a quarter of a STEP file
+TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")  # useless zeros, a quarter of a STEP file
 
 
 def rows(template: str, *columns: Any) -> Iterator[str]:
@@ -57,7 +57,7 @@ def partial_name(suffix: str = "") -> str:
 
 
 def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
-    """Return a new temporary folder of this process; remove folders with the prefix `word` of ended processes."""
+    """Remove folders with the prefix `word` that ended processes left; return a new temporary folder."""
     for path in abandoned_paths(Path(tempfile.gettempdir()), word):
         remove(path)
     return tempfile.TemporaryDirectory(prefix=f"{word}-{_owner()}-", ignore_cleanup_errors=True)

@@ -84,10 +84,10 @@ class CalculixModel:
 
 def write_calculix(model: CalculixModel, path: str | Path) -> Path:
     """Write a model to an .inp file atomically; return the path.
-    The command `ccx NAME` (without .inp) then writes the results to NAME.frd, for viewers, and NAME.dat, as text.
+    The command `ccx NAME` (without .inp) then writes the results to NAME.frd (for viewers) and NAME.dat (text).
     For each step, NAME.dat has displacements of all nodes, the total force on each support, and the internal energy.
     A total force is a support's reaction plus the loads on its nodes. The internal energy is half of the compliance.
-    Raises ExportError for another suffix, and if the file cannot be written."""
+    Raises ExportError if the suffix is not .inp, or if the file cannot be written."""
     path = Path(path)
     if path.suffix != ".inp":
         raise ExportError(f"{path.name} does not end in .inp, as CalculiX needs; name it {path.stem}.inp")
@@ -156,7 +156,7 @@ def _springs(model: CalculixModel) -> Iterator[str]:
             group += 1
             yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING_{group}\n"
             yield from rows("%d, %d\n", count + 1 + np.arange(len(nodes)), nodes + 1)
-            # CalculiX reads integers as directions, and a number with a decimal point as stiffness
+            # below *SPRING, integers are directions, and a number with a decimal point is a stiffness
             yield f"*SPRING, ELSET=SPRING_{group}\n{axis + 1}\n{stiffness:.11e}\n"
             count += len(nodes)
 
@@ -194,7 +194,7 @@ def _set_name(text: str) -> str:
 
 
 SUFFIX = ".beams.inp"
-PIECES = 4  # elements per beam; with four elements, bent joints are up to 8 % too stiff
+PIECES = 4  # number of elements per beam; joints in bending are then up to 8 % too stiff
 
 
 def encode(part: Part) -> Iterator[bytes]:

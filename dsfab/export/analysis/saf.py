@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 VERSION = "2.2.0"
 Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
-FINE, COARSE = 0.1, 1.0  # steps (mm) of rounded widths, below and above 100 mm; similar beams share a section
+FINE, COARSE = 0.1, 1.0  # widths below and above 100 mm are rounded to these steps (mm); similar beams share a section
 SMALL = {0: 1e-6, 3: 1e-2}
 """Smallest forces (key 0) and moments (key 3) in the workbook, as fractions of the largest in their load case.
-Smaller forces are rounding errors. Smaller moments come from loads slightly beside a beam."""
+Smaller forces are rounding errors. Smaller moments come from loads that act slightly beside a beam."""
 TYPES = {
     "S": "Steel",
     "GL": "Timber",
@@ -44,8 +44,8 @@ ACTIONS = {
     "wind": ("Variable", "Wind"),
     "variable": ("Variable", "Standard"),
 }
-"""Action type and load type of each kind of case."""
-GROUPS = {"snow": "Snow", "wind": "Wind", "variable": "Domestic"}  # load types of groups of variable loads
+"""Action type and load type in SAF for each kind of load case."""
+GROUPS = {"snow": "Snow", "wind": "Wind", "variable": "Domestic"}  # load type of each group of variable loads, by kind
 DIRECTIONS = ("ux", "uy", "uz", "fix", "fiy", "fiz")
 STIFFNESS = (
     *("Stiffness X [MN/m]", "Stiffness Y [MN/m]", "Stiffness Z [MN/m]"),
@@ -201,7 +201,7 @@ def _supports(frame: "Frame") -> Iterator[dict[str, Cell | None]]:
 
 
 def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
-    """Return a load group for each kind of action. Snow cases exclude each other, and so do wind cases (EN 1990)."""
+    """Return one load group per kind of action. Two snow cases never act together, nor two wind cases (EN 1990)."""
     return [
         {
             "Name": f"LG {kind}",

@@ -1,7 +1,7 @@
 """VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields, in metres. Field names contain SI units.
 
 The text field `unit` has the unit of length. Text fields `note 1`, `note 2`, ... have remarks on the fields.
-Arrays are little-endian base64 after a 64-bit count of bytes."""
+Arrays are base64 text: a 64-bit count of bytes, then the numbers, little-endian."""
 
 import base64
 import xml.etree.ElementTree as ElementTree

@@ -25,12 +25,12 @@ PLATE_SETS = {
     "Qto_PlateBaseQuantities": ("Width", "NetVolume", "NetWeight"),
     "Dsfab_PieceQuantities": ("NetSurfaceArea",),
 }
-"""Names of the quantities of a plate, by quantity set. In the first, standard set `Width` is the thickness."""
+"""Names of the quantities of a plate, by quantity set. `Width` in the first set is the thickness of the plate."""
 KINDS = dict.fromkeys(("Length", "Width", "Thickness"), "LENGTH")
 for _kind in ("Area", "Volume", "Weight"):
     KINDS |= dict.fromkeys((f"Net{_kind}", f"Gross{_kind}"), _kind.upper())
 KINDS["NetSurfaceArea"] = "AREA"  # kinds of quantities by name
-Naming = Callable[[str], str]  # a function from a word to an IFC identifier
+Naming = Callable[[str], str]  # function that returns an IFC identifier for a word
 
 
 class Place(NamedTuple):
@@ -356,7 +356,7 @@ def _add_quantities(
     usual = {key: value for key, value in amounts.items() if key.endswith(("Volume", "Weight"))}
     if shape.plate:
         usual |= {key: value for key, value in amounts.items() if key.endswith("Area")}
-        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # Width is the standard's name
+        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # IFC calls it Width
     elif "Length" in amounts:
         usual |= {"Length": amounts["Length"]}
     for name, set_amounts in ((title, usual), ("Dsfab_MemberQuantities", amounts)):

@@ -37,7 +37,7 @@ from dsfab.export.writing import one_line
 BLACK, GREY = (0, 0, 0), (150, 150, 150)
 MESH = "sheet"  # name of the layer of the mesh
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
-"""Codes of two chunks: properties of the file, and its history. Chunks with the bit `_SHORT` have no content."""
+"""Codes of the chunks for a file's properties and for its history. A chunk whose code has the bit `_SHORT` is empty."""
 _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)  # 1 January 1980, a Tuesday, as C's `struct tm`
 
 
@@ -90,7 +90,7 @@ Ids = Callable[[str], uuid.UUID]
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function from names to UUIDs. The UUIDs depend on the arrays, and so differ between designs."""
+    """Return a function that gives each name a UUID, which also depends on the arrays, and so on the design."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -279,13 +279,13 @@ def check_members(part: Part, path: Path) -> ReadBack:
 
 
 def mesh_json(V: Floats, F: Ints) -> str:
-    """Encode a mesh of vertices (n, 3) and triangles (m, 3) as JSON; raises ExportError without rhino3dm."""
+    """Encode a mesh of vertices (n, 3) and triangles (m, 3) as JSON; raises ExportError if rhino3dm is missing."""
     require_rhino3dm()
     return json.dumps(rhino_mesh(V, F).Encode())
 
 
 def polyline_json(points: Floats) -> str:
-    """Encode a polyline through points (k, 3), or (k, 2) for z = 0, as JSON; raises ExportError without rhino3dm."""
+    """Encode a polyline through points (k, 3), or (k, 2) with z = 0, as JSON; raises ExportError without rhino3dm."""
     require_rhino3dm()
     full = np.column_stack([points, np.zeros(len(points))]) if points.shape[1] == 2 else points
     return json.dumps(rhino_polyline(full).Encode())

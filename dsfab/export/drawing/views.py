@@ -99,7 +99,7 @@ class _DepthPicture:
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
-        """Return (k,) True for points (k, 3) more than `margin` behind the sheet in all 9 cells at the point."""
+        """Return (k,) True for points (k, 3) more than `margin` behind the sheet in their cell and all 8 around it."""
         cell_index = ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1
         cell_index = np.clip(cell_index, 1, np.array(self.depth.shape) - 2)
         nearest = np.full(len(points), np.inf)
@@ -149,7 +149,7 @@ class PlacedView:
 
 def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[PlacedView]]:
     """Return the views in rows on paper, and the largest standard scale (mm per mm of paper) at which they fit.
-    title : width and height of the free block in the lower right corner, mm."""
+    title : width and height of the title block in the lower right corner, mm."""
     by_name = {view.title.split()[0]: view for view in views(part)}
     rows = (("Plan", "Front", "Right"),), (("Front", "Right"), ("Plan",)), (("Plan",), ("Front",), ("Right",))
     choices = [[[by_name[k] for k in row if k in by_name] for row in layout] for layout in rows]

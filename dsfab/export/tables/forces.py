@@ -40,7 +40,7 @@ def prepare_fields(part: Part) -> Part:
 
 
 def encode_sheet(part: Part) -> Iterator[bytes]:
-    """Yield comment lines that begin with #, column names, then a row per face and case; faces count from 1."""
+    """Yield comment lines that begin with #, column names, then a row per face and case; faces are numbered from 1."""
     yield "".join(f"# {x}\r\n" for x in (UNITS, *CONVENTION, "one row per face and case; " + Q_LESS)).encode()
     faces = _scalars(_faces(part))
     yield _line(["case", "face", *faces, *_names(part)]).encode()

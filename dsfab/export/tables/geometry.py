@@ -19,7 +19,7 @@ HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point"
 
 
 def encode_csv(part: Part) -> Iterator[bytes]:
-    """Yield a row per point; coordinates to 1e-6 mm. Points count from 1; a closed line ends with its first point."""
+    """Yield a row per point; coordinates to 1e-6 mm. Points are numbered from 1; a closed line ends with its first."""
     yield (",".join(HEAD) + "\r\n").encode()
     for line in part.details.lines:
         text = io.StringIO()

@@ -28,7 +28,7 @@ PARAMETER_CONTEXT = (
     "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
 )
 
-KnotText = tuple[str, str]  # multiplicities and values of knots, as text
+KnotText = tuple[str, str]  # the multiplicities of the knots as text, and their values as text
 
 
 def piece_name(name: str, i: int, pieces: int) -> str:
@@ -217,7 +217,7 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 
 
 def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
-    """Add a solid with an outer shell and voids. Shells of voids face outwards, so reversed shells are added."""
+    """Add a solid with an outer shell and voids. `shell` has the voids facing outwards; STEP needs them reversed."""
     shells = [entity_list.add(f"CLOSED_SHELL('',{references(faces[shell == i].tolist())})") for i in [outer, *voids]]
     inner = [entity_list.add(f"ORIENTED_CLOSED_SHELL('',*,#{k},.F.)") for k in shells[1:]]
     if not inner:
@@ -294,7 +294,7 @@ def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, in
 def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
-    """Yield the entities of one kind after another, to save memory. blocks : numbers of the entities of each kind.
+    """Yield one kind of entities after another, to save memory. blocks : numbers of the entities of each kind.
     vectors : different directions, and the index (e,) of the direction of each edge.
     normals : different directions, and the index (f,) of the normal of each face."""
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
@@ -319,7 +319,7 @@ def _tables(
 
 def _ratios(shape: Polyhedron) -> Floats:
     """Return the (e, 3) exact directions of the edges between rounded corners, as smallest whole numbers.
-    Unit length is not necessary (ISO 10303-42). So edges along an axis have equal directions."""
+    ISO 10303-42 allows any length. With whole numbers, all edges along an axis have the same direction."""
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
     return np.asarray(along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None])

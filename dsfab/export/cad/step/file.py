@@ -39,7 +39,7 @@ from dsfab.surface import StructureLine
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
-"""Time limit for reading back: seconds, and seconds per face, several times the usual time."""
+"""Time limit for reading back, in seconds per face; several times the usual time."""
 
 LIGHT = 8.0  # megabytes; a smaller faceted file replaces a smooth file that OCCT cannot cut
 
@@ -88,11 +88,11 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
     "faceted": _encode_faceted,
     "tessellated": _encode_tessellated,
 }
-"""Function of each strategy; it returns the number of faces for the limit, the approximate bytes, and the text."""
+"""Function of each strategy. It returns the number of faces (for `step_faces`), the approximate bytes, and the text."""
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
-    """Yield the chunks; raises BudgetError above `step_mb`, with the larger of the written and the expected bytes."""
+    """Yield the chunks. Above `step_mb`, raises BudgetError; its `size` is at least the expected bytes."""
     size = 0
     for chunk in chunks:
         size += len(chunk)
@@ -103,7 +103,7 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
-    Of files by members and smooth files only the bytes are compared, because OCCT has already measured these files.
+    For files by members and smooth files, only the bytes are compared, because OCCT has already checked the text.
     If the user wants to cut a smooth file (`cut`), OCCT's triangles must also bound a solid."""
     if part.step == "members":
         file = member_file(part)
@@ -172,7 +172,7 @@ def encode_compressed(part: Part) -> Iterator[bytes]:
 
 
 def check_compressed(part: Part, path: Path) -> ReadBack:
-    """Unpack the archive, compare its checksum, and check the file as STEP; raises ExportError."""
+    """Unpack the archive, compare its checksum, and check the file as STEP. Raises ExportError if a check fails."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder, zipfile.ZipFile(path) as archive:
         if len(archive.namelist()) != 1 or archive.testzip() is not None:
             raise ExportError(f"the compressed STEP file of {part.name!r} does not unpack; write .step instead")

@@ -124,9 +124,9 @@ def usual_tolerance(part: Part) -> float:
 
 
 def simplified_part(part: Part, tolerance: float) -> Part:
-    """Return the solid with fewer triangles; its `note` states the measured distance and the change of volume.
+    """Return the solid with fewer triangles. Its `note` has the measured distance and the change of volume.
     The distance between both surfaces is at most `tolerance` (mm). The volume changes by at most 0.5 %. The result has
-    no more crossings, and at most 9/10 of the triangles.
+    no new crossings, and at most 9/10 of the triangles.
     Raises ExportError if that fails, and BudgetError if far more planar faces remain than `step_faces` (if not 0)."""
     worth = 0.9  # at most this fraction of the triangles may remain
     stride = 1.6  # each try has 1.6 times the tolerance (in manifold3d) of the try before
@@ -151,7 +151,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
 
 def _require_hope(simple: Part) -> None:
     """Raise BudgetError if a simplified solid has too many faces for any further try to meet the limit."""
-    hopeless = 1.2  # faces after a try / allowed faces at which the search ends
+    hopeless = 1.2  # the search ends if faces of a try / allowed faces is larger
     if 0 < hopeless * simple.step_faces < len(simple.F):
         shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))
         if len(shape.normals) > hopeless * simple.step_faces:

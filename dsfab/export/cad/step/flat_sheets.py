@@ -14,7 +14,7 @@ from dsfab.export.curves import Curve, curves_through, split_at_knots
 from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
-SAME_PLACE = 1e-3  # largest distance (mm) between a corner and its vertex, or between outlines of both skins
+SAME_PLACE = 1e-3  # points at a smaller distance (mm) are in one place
 WIDTH_SHARE = 0.1  # largest tolerance of a loop / (area / length of the loop), to keep narrow loops
 GAP_SHARE = 0.25  # largest tolerance of a loop / distance from other loops, to keep curves apart
 
@@ -77,7 +77,7 @@ def outlines_of(part: Part) -> FlatOutlines:
 
 
 def frame(across: Floats) -> Floats:
-    """Return (3, 3) right-handed axes, the last of them `across`; if `across` is a world axis, all are world axes."""
+    """Return (3, 3) right-handed axes. The last one is `across`; if it is a world axis, the others are, too."""
     along = np.roll(np.eye(3), -1, axis=0)[np.abs(across).argmax()]
     axis = along - (along @ across) * across
     axis = axis / np.linalg.norm(axis)
@@ -127,8 +127,8 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
     """Return a lower bound of the distance between each loop and all other loops; inf if all other loops are far away.
-    Distances are measured between points with a spacing s along the loops. The bound is the smallest distance minus s.
-    s falls until it is small compared with the bound. least : smallest spacing and smallest bound, mm."""
+    Distances are measured between points with a spacing along the loops. The bound is the smallest distance minus the
+    spacing, which falls until it is small compared with the bound. least : smallest spacing and smallest bound, mm."""
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))
     while remaining and len(loops) > 1 and spacing >= least:

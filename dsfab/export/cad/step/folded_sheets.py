@@ -63,7 +63,7 @@ class FlatFacets:
 
     @cached_property
     def has_creases(self) -> bool:
-        """True if creases make half of the length of all folds or more; otherwise the sheet may be curved."""
+        """True if creases are at least half of the length of all folds; otherwise the sheet may be curved."""
         F, upper = self.whole.F, self.skins[:, 0]
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
@@ -112,7 +112,7 @@ def folded_sheet(part: Part) -> FoldedSheet | None:
 
 
 def _facets(part: Part) -> FlatFacets:
-    rough = 1e-4  # largest distance of vertices, rounded in mesh files, from their plane / thickness
+    rough = 1e-4  # largest distance of vertices from their plane / thickness; mesh files round vertices
     if part.curved is None:
         raise NotFlatError("only the solid is known")
     curved = part.curved()
@@ -144,13 +144,13 @@ def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
 
 
 def _require_few_facets(facet: Ints) -> None:
-    faces_per_facet = 4  # smallest mean number of triangles per facet; a curved sheet has one
+    faces_per_facet = 4  # smallest mean number of triangles per facet; it is 1 for a curved sheet
     if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
 
 
 def _plane(skins: Floats, F: Ints) -> Facet:
-    corners = skins[F].transpose(2, 1, 0, 3)  # (2, 3 corners, m, 3)
+    corners = skins[F].transpose(2, 1, 0, 3)  # (skin, corner of the face, face, coordinate)
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(vectors, axis=2)
     origin = np.einsum("sm,smi->si", area, corners.mean(axis=1)) / area.sum(axis=1, keepdims=True)
@@ -222,7 +222,7 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
 
 
 def _curve(line: Floats, tolerance: float) -> Curve:
-    """Fit a curve to a line (k, 4) on both skins; points at equal fractions of the lengths on both skins form pairs."""
+    """Fit a curve to a line (k, 4) on both skins. Points at equal fractions of the length on each skin form pairs."""
     upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
     shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)

@@ -13,7 +13,7 @@ FLATNESS = 1e-5  # largest distance (mm) of vertices from a joined plane or line
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
     """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
     tolerance : largest distance of vertices from a joined plane, mm.
-    Two neighbours join if each third vertex lies in the other's plane and their normals are on the same side.
+    Two neighbours join if the third vertex of each lies in the other's plane and their normals are on the same side.
     A very thin triangle (height below FLATNESS) has no exact plane, so it joins only the neighbour at its longest edge.
     A region is divided again if small angles add up and a vertex is too far from its mean plane."""
     corners = V[F]
@@ -69,13 +69,13 @@ class FaceOutlines:
 
 def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     """Chain the half-edges between different regions (m,), each region on the left. opposite : (3 m,) half-edges.
-    The half-edge after another is the first border half-edge of the region around the common vertex.
+    The next half-edge of a loop is the first border half-edge of the region around the common vertex.
     So no loop jumps across a vertex where a region touches itself."""
     on_border = region[np.arange(len(opposite)) // 3] != region[opposite // 3]
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
     follow = onward.copy()
-    turning = np.flatnonzero(on_border)  # from half-edges inside regions the loop below would never end
+    turning = np.flatnonzero(on_border)  # the loop below would never end at half-edges inside regions
     while len(turning := turning[~on_border[onward[turning]]]):
         onward[turning] = follow[opposite[onward[turning]]]
     step, passed = onward.tolist(), bytearray(len(opposite))
@@ -246,7 +246,7 @@ def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
     """Return the first vertex of each step, the first step of each loop, and the long edges.
-    The long edges are: edge (s,) of each step, vertices (e, 2) of each edge, and (s,) True for steps along their edge.
+    The long edges are three arrays: edge (s,) of each step, vertices (e, 2) of each edge, (s,) True for forward steps.
     A long edge of two faces is identified by the smallest number of its mesh edges."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
@@ -262,7 +262,7 @@ def _long_edges(
 
 
 def _loop_areas(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
-    """(l,) twice the area inside each loop, seen against its face's normal; 0 for the only loop of a face."""
+    """(l,) twice the area inside each loop about its face's normal; 0 if the face has no other loop."""
     around = np.zeros(len(face_of_loop))
     many = np.flatnonzero(np.bincount(face_of_loop)[face_of_loop] > 1)
     if len(many):

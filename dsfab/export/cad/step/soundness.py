@@ -23,7 +23,7 @@ from dsfab.export.subprocesses import ProgramError
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges
 from dsfab.thickening.self_intersection import intersecting_pairs
 
-REDRAWING_ROUNDS = 2  # largest number of times that crossing curved faces get four times finer triangles
+REDRAWING_ROUNDS = 2  # number of times that curved faces that cross get finer triangles (four times)
 
 
 class StepTriangles(NamedTuple):
@@ -39,7 +39,7 @@ class StepTriangles(NamedTuple):
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
     """Return OCCT's triangles after points at the same place were merged."""
-    same_place = 1e-9  # points are equal below this distance / diagonal; OCCT triangulates each face alone
+    same_place = 1e-9  # points at a smaller distance / diagonal are equal; OCCT triangulates each face alone
     grid = np.round(mesh.V / (same_place * float(np.linalg.norm(np.ptp(mesh.V, axis=0)))))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     F = point_number.reshape(-1)[mesh.F]
@@ -99,7 +99,7 @@ def _redraw(
     sound: Soundness, first_triangles: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
     """Make finer triangles of some faces; return the new judgement and the triangles.
-    All faces get finer triangles if the new triangles have another topology and do not fit the other triangles."""
+    All faces get finer triangles if the topology of the new triangles does not fit the rest of the mesh."""
     redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
         redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))

@@ -38,8 +38,8 @@ QUICK_FACTOR = 3
 If OCCT refuses the first layout, another one often succeeds, because its seams lie elsewhere."""
 
 MEMBER_FACES_FACTOR = 2
-"""Largest number of faces by members / usual number, if facets exceed the budget in step = 'auto'.
-CAD programs usually fail to cut the smooth file that would be the next attempt."""
+"""With step = 'auto', files by members may have this many times the usual faces if a faceted file is too large.
+The next attempt would be a smooth file, which CAD programs usually fail to cut."""
 
 
 def prepare(part: Part) -> Part:
@@ -61,7 +61,7 @@ def prepare(part: Part) -> Part:
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
     """Yield the part with each strategy in turn, the best first, or the BudgetError of a strategy above the budget.
     A solid is simplified before faceting if the user sets a tolerance; otherwise only if all other strategies fail."""
-    tighter = 1 / 4  # tolerance of a second planar file / tolerance of the first, in which curves may cross
+    tighter = 1 / 4  # tolerance of a second planar file / tolerance of the first; tighter curves may not cross
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
         yield part
@@ -95,7 +95,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return True if members are tried without a request: the sheet has stripes and, if step = 'quick', a boundary.
+    """Return True if members are tried without a request: the sheet has stripes, and for 'quick' also a boundary.
     CAD programs usually fail to cut smooth files, but not files by members."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
@@ -112,7 +112,7 @@ def _striped_sheet(part: Part) -> Curved | None:
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
     """Yield the attempts that remain after a faceted part was refused.
     members : the part with the strategy members; None if slow attempts are not allowed.
-    quick   : True to stop if the first simplification is far over the limit."""
+    quick   : True to stop if the first simplified part is far above the limit."""
     far_factor = 2  # number of faces / allowed number above which further tries do not help
     is_far = False
     if not part.tolerance:
@@ -153,8 +153,8 @@ def default_tolerance(part: Part) -> float:
 
 
 def _may_be_planar(part: Part) -> bool:
-    """Return False for the mesh of a curved sheet: flat facets without creases between them.
-    This test is faster than mitres and outlines of facets that are single triangles."""
+    """Return False for the mesh of a curved sheet, whose flat facets have no creases between them.
+    Without this quick test, each triangle could become a facet, with slow mitres and outlines."""
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
 
@@ -195,7 +195,7 @@ def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
-    """Recommend a strategy for cutting: members, unless they were refused or the stripes are unknown."""
+    """Recommend a strategy for files to cut: members; but faceted if members were refused or stripes are unknown."""
     by_members = [error for error in refused if _is_by_members(error)]
     over = [error for error in by_members if isinstance(error, BudgetError)]
     if over:

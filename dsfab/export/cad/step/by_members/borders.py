@@ -16,13 +16,13 @@ from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, sig
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
-TOUCHING_SHARE = 1 / 400  # distance below which parts of an outline touch / thickness
+TOUCHING_SHARE = 1 / 400  # parts of an outline touch if their distance / thickness is smaller
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
     """Return the chains around a region that cross or nearly touch each other, seen along the region's mean normal.
     Two chains nearly touch if an end of one chain is within `distance` mm of the other chain.
-    If the region is inside out, the result is all its chains."""
+    If the region is inside out, all its chains are returned."""
     finest = 12  # a cubic gets at most 12 chords; the chords at its ends are short
     segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
@@ -38,7 +38,7 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     for skin in (slice(3), slice(3, 6)):
         seen = [line[:, skin] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
-            return set(chain.tolist())  # a negative area: sides of a narrow region cross
+            return set(chain.tolist())  # the area is negative: sides of a narrow region cross
         chain_numbers.update(chain[crossing_segments(seen)].tolist())
         corner, segment = np.nonzero(ends_elsewhere & (_distances(seen, first_points) < distance))
         chain_numbers.update(chain[segment].tolist())
@@ -73,7 +73,7 @@ def crossing_segments(lines: list[Floats]) -> Bools:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """If the outline of a region crosses or nearly touches itself, join the region with a neighbour, if it has one."""
+    """Join regions whose outline crosses or nearly touches itself with a neighbour, if there is one."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -224,7 +224,7 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Return the rank of a place for the end of a border: larger angles first, then ends of arcs."""
+        """Return the rank of a place for a border's end: a larger angle first; of equal angles, an arc's end first."""
         enough = 45.0  # degrees; places with larger angles rank equal
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep

@@ -29,7 +29,7 @@ from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
-"""Limit of processor time of each OCCT program: seconds, and seconds per face. Usual times are far shorter."""
+"""Limit of processor time for each OCCT program: seconds, and seconds per face. Most programs need far less."""
 
 CUT_COUNT = len(PLANES)
 
@@ -114,7 +114,7 @@ def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
 
 @dataclass(frozen=True, eq=False)
 class _TriangleReport:
-    """Report on OCCT's triangles. there, back : distances of the triangles from the mesh, and back.
+    """Report on OCCT's triangles. there, back : distances from triangles to mesh, and from mesh to triangles.
     shape : OCCT's binary shape.    fault : reason why the triangles bound no solid, or why OCCT cannot tell."""
 
     there: MeshDistances
@@ -142,7 +142,7 @@ def _require(passed: bool, complaint: str, error: type[ExportError] = ExportErro
 def _require_solid(
     part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[_TriangleReport]
 ) -> tuple[float, float, bytes]:
-    """Return the largest distances from solid to mesh and back, and OCCT's shape; or raise ExportError."""
+    """Return the largest distances solid to mesh and mesh to solid, and OCCT's shape; or raise ExportError."""
     wide_box = 2e-2  # largest error of OCCT's bounding box, as a fraction of its diagonal; 1.1 % for a saddle of 5 m
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)

@@ -13,7 +13,7 @@ from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.splines import Spline, arc_lengths, basis, bernstein, even_samples, splines_through
 
-READ_PLACES = np.array([0.05, 0.35, 0.65, 0.95])  # parameters at which four points of a cubic determine its poles
+READ_PLACES = np.array([0.05, 0.35, 0.65, 0.95])  # the points of a cubic at these parameters determine its poles
 
 READ_MATRIX = bernstein(READ_PLACES)
 POLE_MATRIX = np.linalg.inv(READ_MATRIX)
@@ -36,7 +36,7 @@ class InnerSpline:
 
     @cached_property
     def hats(self) -> Floats:
-        """Return (k + 1, k, 4): the weight of each Bezier pole of each span in the point at each place."""
+        """Return (k + 1, k, 4): for the point at each place, the weight of each Bezier pole of each span."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -193,7 +193,7 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
     return result
 
 
-PARABOLA_SHARE = 1 / 10  # largest distance of a parabola from its cubic / allowed distance from the mesh
+PARABOLA_SHARE = 1 / 10  # a parabola's largest distance from its cubic / allowed distance from the mesh
 ZERO_DIFFERENCE = 1e-8  # smaller third differences (mm) are rounding errors
 
 BOW_FACTOR = np.sqrt(3) / 36
@@ -228,7 +228,7 @@ def patches_as_parabolas(P: Floats, distance: float) -> Floats:
 
 
 def fewest_poles(P: Floats, axis: int) -> Floats:
-    """Return P with 3 poles along an axis if its cubics are parabolas there; otherwise return P with its 4 poles."""
+    """Return P with 3 poles along an axis if its cubics along this axis are parabolas; otherwise return P unchanged."""
     P = P.swapaxes(0, axis)
     if len(P) == 4 and np.abs(_third(P)).max() < ZERO_DIFFERENCE:
         P = np.stack([P[0], _middle_pole(P), P[3]])
@@ -240,13 +240,13 @@ def _third(P: Floats) -> Floats:
 
 
 def _middle_pole(P: Floats) -> Floats:
-    """Return the middle poles (...) of parabolas stored as cubics (4, ...); a reversed curve gives the same bits."""
+    """Return the middle poles (...) of parabolas stored as cubics (4, ...); exactly the same for reversed curves."""
     return np.asarray((3 * (P[1] + P[2]) - (P[0] + P[3])) / 4)
 
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     """Return True if cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
-    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest change of end tangents, in the skin and normal to it
+    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest change of end directions, in the skin and across it
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
     if (outer < box[0]).any() or (outer > box[1]).any():

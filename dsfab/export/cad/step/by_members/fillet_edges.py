@@ -29,14 +29,14 @@ PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from 
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Convert curves (4, 6) to poles (2, 4, 2) in a face's parameters; None if they are not on its surfaces."""
+    """Convert curves (4, 6) to poles (2, 4, 2) in a face's parameters; None if the curves do not lie on the face."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return ends (2, 2, 2) of curves (4, 6) in the parameters of a patch; None unless the curves run along its side.
+    """Return the ends (2, 2, 2) of curves (4, 6) in the parameters of a patch; None if the curves leave its side.
     edge  : (4, 6) poles of the edge that the curves extend.
     share : (2,) extensions at start and end, as fractions of the edge."""
     P = patch.poles
@@ -75,30 +75,30 @@ LARGE_FILLET_SHARE = 1 / 8
 OCCT extends the patch at such a seam along its tangents. Larger fillets have larger gaps, and are invalid."""
 
 TANGENT_GAP = 3e-5
-"""Wanted gap (mm) at the end of the fillet. With smaller gaps, extended seams leave the patch on their other side."""
+"""Wanted gap (mm) at the end of the fillet. A smaller gap needs a longer seam, which would leave the patch."""
 
 POLE_OFFSET = 1e-5
 """Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face.
-After the movement, OCCT gives the seam a tolerance of 4e-5 mm. The seam needs 1.4e-5 mm."""
+The seam needs a tolerance of 1.4e-5 mm. After the movement, OCCT gives it a tolerance of 4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
     """Extended seam, or a wall's edge beside a corner where an extended seam ends. poles : (4, 6), mm.
-    on : (2, k, 2) poles in the parameters of both surfaces of a face, by face: patches first, then trimmed faces."""
+    on : by face, the poles (2, k, 2) in the parameters of its two surfaces; patches first, then trimmed faces."""
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return the poles (4, 6) of extended seams, by edge number: only seams at corners where no other seam ends."""
+    """Return the poles (4, 6) of extended seams, by edge number. A seam is extended only where no other seam ends."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return, by edge number, the extensions (2,) at start and end / edge length, and the extended poles (4, 6)."""
+    """Return for each extended edge, by number, both extensions (2,) / edge length, and the extended poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -120,7 +120,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return the least extension of a seam / its length; OCCT extends it further with gaps below `TANGENT_GAP`."""
+    """Return the least extension of a seam / its length. OCCT extends it further, with a gap of `TANGENT_GAP`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -137,7 +137,7 @@ def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
     """Extend seams and their surfaces, except seams that would leave one of their faces.
-    Return the model, the trimmed faces, and the extended curves by edge number, also of walls' edges beside seams."""
+    Return the model, the trimmed faces, and the extended seams and the walls' edges beside them, by edge number."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -184,7 +184,7 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return, by patch beside a seam that continues a wall's edge, parameter boxes and ends (2, 2, 2) of curves."""
+    """Return parameter boxes, and ends (2, 2, 2) of curves, for patches beside a seam that continues a wall's edge."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -254,11 +254,11 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
     return np.stack(parts)
 
 
-CLEAR_EDGE = 1 / 7  # cuts of a wall's edge lie beyond the ends of fillets of this radius / thickness
+CLEAR_EDGE = 1 / 7  # a wall's edge is cut beyond the end of a fillet of this radius / thickness
 
 LONGEST_SHARE = 4.0
-"""Largest length of an edge at a corner, divided by the thickness and by the tangent of half the bend (at most 1).
-OCCT searches the end of a fillet with few samples of the edge. On a longer edge it may find the far end."""
+"""Largest length of an edge at a corner / (thickness * t). t is the tangent of half the bend, but at most 1.
+OCCT looks for the end of a fillet at few samples of the edge. On a longer edge, it may find the wrong end."""
 
 DENSE = np.linspace(0, 1, 129)  # parameters where an edge is compared with its trimmed face
 
@@ -266,7 +266,7 @@ DENSE = np.linspace(0, 1, 129)  # parameters where an edge is compared with its 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Put the walls around each outline, and their edges, in the order that OCCT needs for fillets.
     An outline begins at its smoothest joint of two walls. If this joint has an angle, the first wall needs two edges,
-    one for each corner, so a single edge is cut in two. The first edge is then reversed."""
+    one for each of its ends, so a single edge is cut in two. Then the first edge is reversed."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -301,7 +301,7 @@ def _stops(
     """Return the places of cuts of an edge with corners, as fractions of its length.
     Between a corner and its cut, no gap to the trimmed face is wider than the gaps at the corner and at the cut.
     corners : tangents of half the bend at start and end; 0 if there is no corner.
-    ending  : True at a corner where the directed edge ends; its cut is at most `LONGEST_SHARE` away."""
+    ending  : True at a corner where the directed edge ends; `LONGEST_SHARE` limits the distance of the cut."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
@@ -332,7 +332,7 @@ class CutEdges:
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at `stops`, fractions of its length towards `ahead`. against : True to reverse the first part."""
+        """Cut an edge at `stops`, fractions from its start (`ahead`) or end. against : the first part is reversed."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

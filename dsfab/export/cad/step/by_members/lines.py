@@ -137,7 +137,7 @@ class NetLines:
 
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
-    """If a line should end on another line, move its end onto that line."""
+    """Move the ends of lines that should lie on another line onto that line."""
     points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
@@ -152,7 +152,7 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
 
 def with_twins(lines: NetLines) -> NetLines:
     """Unite the curves on both sides of a seam: the outer poles of one side are the inner poles of the other side.
-    Raises ExportError if the chains on both sides differ."""
+    Raises ExportError if one side has other chains than the other side."""
     net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
     for points, i in seam.items():
@@ -231,7 +231,7 @@ def with_arcs(
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
     """Replace lines along round corners by arcs. tolerances : mm, by chain. rounded : chains of round corners."""
-    rounds = 4  # removal of a bad arc changes its neighbours, which may then be bad, too
+    rounds = 4  # the removal of a bad arc changes its neighbours, and they may become bad
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(rounds):
@@ -254,7 +254,7 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
-    """Return the outline chains of round corners: bent chains, and chords of arcs within tolerances (mm, by chain)."""
+    """Return the outline chains of round corners: chains with a bend, and chords of arcs within `tolerances` (mm)."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
@@ -316,7 +316,7 @@ class _Corners:
         return self.known[kind]
 
     def _way(self, node: int, before: int, after: int) -> Floats | None:
-        flattest = 25.0  # smallest angle between border and arc, degrees; narrower patches are folded
+        flattest = 25.0  # smallest angle between border and arc, degrees; patches in smaller angles fold
         P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
         way_before, way_after = _scaled_direction(P[3] - P[2]), _scaled_direction(Q[1] - Q[0])
         if _mean_direction(way_before) @ _mean_direction(way_after) < np.cos(CORNER_ANGLE):

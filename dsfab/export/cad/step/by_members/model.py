@@ -47,7 +47,7 @@ class NetPatch:
 @dataclass(eq=False)
 class NetModel:
     """Boundary model of a solid by members.
-    vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches.
+    vertices : (6,) points on both skins, mm.    trimmed : loops around regions without patches.
     compact  : trimmed regions with four sides.
     seam     : True for a one-sided surface that was cut open. At this seam the outer skin meets the inner skin."""
 
@@ -65,7 +65,7 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Return the poles along loops of edges as bytes; other numbers of the same edges give the same bytes."""
+        """Return the poles along loops of edges as bytes. They do not depend on the numbers of the edges."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
@@ -216,7 +216,7 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # outline / mean width: 8 for a square, 10.7 for a row of three squares
+    limit = 10.0  # largest outline / mean width: 8 for a square, 10.7 for a row of three squares
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
@@ -243,7 +243,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Return the corners that a fillet fills and where exactly one seam ends; none for a one-sided surface."""
+    """Return the corners that a fillet fills and where one seam ends. A one-sided surface has none."""
     straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians between a seam and its continuation
     if model.seam:
         return []
@@ -277,7 +277,7 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Return the tangent of half the bend angle at a corner: length of a fillet / radius; 0 for a smooth corner."""
+    """Return the tangent of half the bend angle at a corner (a fillet's length / its radius); 0 at a smooth corner."""
     smooth = np.cos(np.deg2rad(10.0))  # walls with a bend of at most 10 degrees need no fillet
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 

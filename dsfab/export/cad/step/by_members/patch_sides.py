@@ -90,7 +90,7 @@ class QuadSide:
 
 
 SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
-"""Parts of the bottom, right, top and left side of a region between its stations; opposite sides run the same way."""
+"""Parts of the bottom, right, top and left side of a region between its stations; opposite sides have one direction."""
 
 
 class SideStations:
@@ -156,7 +156,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # distance below which an existing station is used / distance from the next station
+        snap_share = 0.15  # a station is used again if its distance / distance to the next one is smaller
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -193,7 +193,7 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Fraction of the mesh's chord error in the tolerance of lines. Larger tolerances move tori too far from the mesh."""
+"""Fraction of the chord error in the tolerance of lines. With a larger fraction, tori are too far from the mesh."""
 
 
 class LineFits:
@@ -212,7 +212,7 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Fit lines along the chains of a net. A line has no more spans than separate fits of its chains together."""
+        """Fit lines along the chains of a net. One line for several chains has no more spans than a line for each."""
         turns, self.within = partial(_turn, chains, reach), _tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -226,7 +226,7 @@ class LineFits:
                 else:
                     todo += _halves(line.steps, turns)
         fair = with_ends_on_lines(NetLines(net, self._on_skins(accepted)))
-        # arcs come last, because their bulges must not change the other lines
+        # arcs come last, because they bulge from the chains and must not change the other lines
         return with_twins(with_arcs(fair, chains, arced, rounded, self.arcs))
 
     def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[ChainLoop]) -> list[ChainLine]:
@@ -243,7 +243,7 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return True for lines of one chain, and for lines near their chains with fewer spans than these alone."""
+        """Return True for lines of one chain, and for lines near their chains with fewer spans than separate lines."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}

@@ -14,7 +14,7 @@ from dsfab.export.splines import bernstein
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
     """Return the parameters (k, 2) of points (k, 3) on a surface with poles (p + 1, p + 1, 3).
-    The poles lie evenly in a parallelogram if the surface is seen along the third axis."""
+    Seen along the third axis, the poles are a regular grid in a parallelogram."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
@@ -26,7 +26,7 @@ def height_rows(uv: Floats, degree: int) -> Floats:
 
 
 def rows_at(uv: Floats) -> Callable[[int], Floats]:
-    """Return `height_rows` at fixed parameters (k, 2) as a function of the degree, with a cache."""
+    """Return a function of the degree that gives `height_rows` at the parameters (k, 2), from a cache."""
     return cache(partial(height_rows, uv))
 
 
@@ -61,7 +61,7 @@ def differences(count: int) -> Floats:
 
 
 PLACES = (np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=2).reshape(-1, 2) + 0.5) / 24
-"""(k, 2) sample parameters of a surface. With 12 a side instead of 24, a bulge of 1.6 mm in a corner was missed."""
+"""(k, 2) sample parameters of a surface. 24 a side are necessary: 12 missed a bulge of 1.6 mm in a corner."""
 
 ROWS = rows_at(PLACES)
 
@@ -72,7 +72,7 @@ class FaceLimits:
     gap : largest gap between trimmed faces and their edges.
     off : largest distance of a face from the points inside its edges to which the face is fitted.
     box : (2, 3) box that must hold the poles.
-    beyond_mesh : None, or function of points (k, 3) that returns distance from the mesh - allowed distance (k,)."""
+    beyond_mesh : function of points (k, 3); returns distance from the mesh minus limit (k,). None: no limit."""
 
     gap: float
     off: float
@@ -85,7 +85,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return by how much surfaces inside outlines (., 3) are too far from the mesh, mm; -inf if no limit is set."""
+    """Return by how much (mm) surfaces inside outlines (., 3) exceed their distance limit; -inf without a limit."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -106,7 +106,7 @@ def points_inside(points: Floats, lines: Sequence[Floats]) -> Bools:
         (ax, ay), (bx, by) = line.T, np.roll(line, -1, axis=0).T
         slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
         above = ay > y[:, None]
-        # only segments at the height of a point need the exact test
+        # the exact test is only for segments that the horizontal line through a point meets
         i, j = np.nonzero(above != np.roll(above, -1, axis=1))
         is_left = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
         is_inside ^= np.bincount(i[is_left], minlength=len(points)) % 2 == 1
@@ -214,8 +214,7 @@ def _starts(parts: Sequence[Floats]) -> Ints:
 
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """Return by how much (k,) the patches of each region exceed the allowed distance from the mesh; -inf if no
-    limit is set."""
+    """Return by how much (k,) the patches of each region exceed their distance limit, mm; -inf without a limit."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))

@@ -88,7 +88,7 @@ def _points(net: ChainNet, loop: ChainLoop) -> Ints:
 
 
 LEAST_COSINE = 0.75
-"""Smallest cosine between the normals of a region and their mean. With 0.35, some faces were 2 mm from their edges."""
+"""Smallest cosine between each normal of a region and their mean. With 0.35, some faces were 2 mm from their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
@@ -154,7 +154,7 @@ class _BendSeams:
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
         most_left = 0.8  # largest cost (bending plus seam) after the division / cost before
-        seam_cost = 0.1  # cost of a seam as long as the square root of the region's area
+        seam_cost = 0.1  # cost of a seam whose length is the square root of the region's area
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
         whole_spread, size = self._normal_spread(cells), np.sqrt(np.linalg.norm(self.N[cells], axis=1).sum())
@@ -167,7 +167,7 @@ class _BendSeams:
         return result
 
     def _halve_chains(self, region: int) -> bool:
-        few = 8  # a long chain is longer than an eighth of the outline
+        few = 8  # only a chain longer than an eighth of the outline is long
         long = {k: self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0]}
         longest = [k for k, x in long.items() if few * x > sum(long.values()) and len(self.net.chains[k].points) > 2]
         for k in longest:
@@ -215,7 +215,7 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
     border = np.zeros(len(used), dtype=bool)
     border[edges.ends[edges.boundary]] = True
     away = np.asarray(cKDTree(P[used[border]]).query(P[used])[0])
-    # paths keep away from walls, because straightening would cross the walls
+    # paths keep away from walls, because straightened paths could cross walls
     wall_factor = 1 + wall_distance / np.maximum(away[ends].mean(axis=1), wall_distance / 4)
     long = np.tile(wall_factor * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1), 2)
     start, end = np.concatenate([ends, ends[:, ::-1]]).T

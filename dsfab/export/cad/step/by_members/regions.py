@@ -12,7 +12,7 @@ from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.part import StripedSheet
 from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, next_half_edge
 
-CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest bend of an outline that is a corner
+CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest bend at a corner of an outline
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
 """Cosine of the smallest bend at a vertex of a round corner. Nodes mark the ends of round corners.
@@ -88,7 +88,7 @@ def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased:
 
 
 def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
-    """Return for each node the chains that begin there, with 0, and the chains that end there, with -1."""
+    """Return the ends of chains at each node: (chain, 0) if the chain begins there, (chain, -1) if it ends there."""
     node_ends = dict[int, list[tuple[int, int]]]()
     for k, chain in net.chains.items():
         for end in (0, -1):
@@ -97,7 +97,7 @@ def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
 
 
 def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
-    """Return the outline's chain that ends at a node and its chain that begins there; None unless both are unique."""
+    """Return the outline's chain that ends at a node and the one that begins there; None if there are several."""
     before, after = ([k for k, end in ends if end == which and net.chains[k].right == VOID] for which in (-1, 0))
     return (before[0], after[0]) if len(before) == len(after) == 1 and before != after else None
 
@@ -158,7 +158,7 @@ class _BorderWalk:
         once = h[(self.twin[h] < 0) | (h < self.twin[h])]
         ends = np.concatenate([self.start[once], self.end[once]])
         pair = np.minimum(self.left[once], self.right[once]) * (self.region.max() + 2) + self.left[once]
-        pair = pair + self.right[once]  # one number for the regions on both sides
+        pair = pair + self.right[once]  # one number for each pair of regions
         low, high = np.full(n, np.inf), np.full(n, -np.inf)
         np.minimum.at(low, ends, np.tile(pair, 2))
         np.maximum.at(high, ends, np.tile(pair, 2))
@@ -357,8 +357,8 @@ class RegionInterior:
         return self.lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in weights], format="csr")))
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
-        """Return (m,) True for cells with a side longer than the thickness, or long beside their region's size (m,)."""
-        region_share = 1 / 6  # longest side of a cell without additional points / size of the region
+        """Return (m,) True for cells with a side longer than the thickness, or long for their region's size (m,)."""
+        region_share = 1 / 6  # a side is long if its length / size of the region is larger
         P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)
         return np.asarray(long > np.minimum(self.thickness, region_share * size))

@@ -1,4 +1,4 @@
-"""Sharp corners for fillets: there trimmed faces move onto their edges, or edges of walls move onto the faces."""
+"""Preparation of sharp corners for fillets: trimmed faces move onto their edges, or edges of walls onto the faces."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Changes that move pieces of walls' edges onto a face: their numbers; new edges and vertices (6,), by number."""
+    """Changes that move pieces of walls' edges onto a face; new edges and new vertices (6,) are stored by number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -103,13 +103,13 @@ FLUSH_TOLERANCE = 1e-6
 """Largest distance (mm) of an edge at a sharp corner from its surface. With 5e-7 OCCT makes all fillets of a dome."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
-"""Basis at places where a surface must not move; without these places a surface of a sphere of 2 m moved by 1.4 mm."""
+"""Basis at places where a surface must not move. Without them, a surface of a sphere of 2 m moved by 1.4 mm."""
 
 MOVED = 1 / 400  # largest movement of the inside of a face / thickness
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Cut edges at sharp corners beside trimmed faces, and move these faces exactly onto the parts at the corners.
+    """Cut edges near sharp corners beside trimmed faces, and move these faces exactly onto the pieces at the corners.
     If a face cannot move within the limits `SPLIT` and `MOVED`, the edges of its walls move onto the face instead.
     These edges move by at most `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
@@ -150,7 +150,7 @@ def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, F
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """Return a face after rims moved onto it; None if a movement or a gap at the edges would exceed `SPLIT`."""
+    """Return a face with rims moved onto it; None if a rim would move by more than `SPLIT`, or gaps would be wider."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:
@@ -169,7 +169,7 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return the places of cuts of an edge, beyond the fillets at its ends, as fractions of the edge's length.
+    """Return the places where an edge is cut, beyond the fillets at its ends, as fractions of the edge's length.
     halves : length of the fillet at each end, divided by its radius."""
     shortest_cut = 0.1  # a cut part is longer than this fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
@@ -178,7 +178,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             limits = zip((radius * half, INNER_SHARE * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 if the edge is short
+            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1: the edge is too short
             if x > 1 - shortest_cut:
                 return []
             shares.append(1 - x if end else x)
@@ -208,12 +208,12 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
     """Return the poles of a surface through points; None if that fails. points : four groups (k, 3).
-    The surface passes through the first group. The second group tests this within `FLUSH_TOLERANCE`.
-    The third group, on all edges, is within `SPLIT`. At the fourth group, inside, moves are at most `largest_move`."""
-    hopeless = 20.0  # the search ends if a residual / its limit is larger than this after three degrees
+    The surface passes through group 1, within `FLUSH_TOLERANCE` of group 2 (test points), within `SPLIT` of group 3
+    (on all edges), and moves by at most `largest_move` at group 4 (inside points)."""
+    hopeless = 20.0  # the search ends if, after three degrees, a residual / its limit is larger
     more_degrees = 6  # the degree of a surface rises by at most 6
-    exact = 5e-8  # mm; OCCT ignores twice this gap, and rounding of poles adds to it
-    weights = (1.0, 1e-2), (0.1, 1e-4)  # of the old surface and of a smooth movement, in two trials
+    exact = 5e-8  # mm; OCCT ignores gaps up to twice this, but rounded poles widen the gap
+    weights = (1.0, 1e-2), (0.1, 1e-4)  # weights of the old surface and of smoothness, by trial
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
     heights.append(height_rows(parameters[3], len(poles) - 1) @ local[..., 2].ravel())

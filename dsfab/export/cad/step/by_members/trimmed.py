@@ -58,17 +58,16 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two of the directions (k, 2), right-handed: sides of a parallelogram that extends least beyond the
-        box.
-        The parallelogram's corners are at the heights of a quadratic surface through all points."""
+        """Choose two directions (k, 2), right-handed: sides of the parallelogram that extends least beyond `box`.
+        The heights of its corners are those of a quadratic surface through all points."""
         least_sine = 1 / 4  # with smaller angles of the parallelogram, surfaces are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
-        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # closed edges have no chord
+        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # a closed edge has no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         leftwards = places_in_plane @ turned
-        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) extent to the left of each direction
+        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) range of distances to the left
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
         i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
@@ -103,25 +102,25 @@ A cut part has other points, where the gap may be wider. OCCT then allows at mos
 (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points, in two trials; inner points weigh 1. The smaller weight is for gaps that do not close."""
+"""Weights of edge points in two groups of trials; inner points have weight 1. The smaller one is for wide gaps."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
 """Weights of second differences of the movement of poles, in two trials.
-They keep poles in place that are far from all points, so that OCCT's bounding box does not grow."""
+They keep poles far from all points in place, so that OCCT's bounding box does not grow."""
 
 BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Weights of edges and of second differences, and degrees. Trials end when the gap is narrow enough."""
+"""Weight of edges, weight of second differences, and degree of each trial, in order. A narrow gap ends the trials."""
 
 FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
     *((EDGE_WEIGHTS[1], SMOOTH_WEIGHTS[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
-"""Further trials. They end when the gap is below `SPLIT`."""
+"""Trials after the usual ones, until one has a gap below `SPLIT`."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
-"""Axes (t, 2, 2) of the rectangles around a region from which the smallest is chosen."""
+"""Axes (t, 2, 2) of the rectangles that are tried around a region."""
 
 HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
 """Parameters where a surface is fitted to an edge; between them the distance from the edge is below 5e-8 mm."""
@@ -239,7 +238,7 @@ def _surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
     """Fit a surface; return poles, axes, gap at the edges, and distance from inner points. ways : (k, 3) chords.
-    It covers a rectangle in its mean plane. If poles leave the box, it covers a parallelogram along two chords."""
+    The surface covers a rectangle in its mean plane, or a parallelogram along two chords if poles leave the box."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -253,7 +252,7 @@ def _surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    high = 2.0  # largest distance of a pole above or below all points / `limits.off`; else the degree rises by one
+    high = 2.0  # the degree rises if a pole's height above or below all points / `limits.off` is larger
     z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
         z = raised_poles(z, BASE_DEGREE + 1)
@@ -292,7 +291,7 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
     """Rotate axes (3, 3) about the last axis if this makes the rectangle around a line (k, 3) much smaller.
-    A smaller rectangle has fewer poles without points."""
+    In a smaller rectangle, fewer poles are far from all points."""
     least_gain = 3 / 4  # axes rotate only if the area falls below this fraction
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
@@ -307,8 +306,8 @@ def _base_poles(over: FaceDomain) -> Floats:
 
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Return heights of poles over a domain, and the distances of the surface from edges and inner points.
-    Low degrees are tried first, because high degrees have waves between points. The first gap below `limits.gap` wins.
-    Otherwise, the smallest distance from inner points wins if its gap is below `SPLIT`, and then the smallest sum."""
+    Low degrees are tried first, because high degrees have waves between points. The first fit within `limits` is
+    taken; otherwise the fit nearest to the inner points with a gap below `SPLIT`; otherwise the fit nearest to all."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):

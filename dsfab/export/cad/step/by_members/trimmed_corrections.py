@@ -1,4 +1,4 @@
-"""Corrections of trimmed faces that leave the skins, or whose widest gap at an edge lies between OCCT's samples."""
+"""Corrections of trimmed faces that leave the skins, or that have the widest gap at an edge between OCCT's samples."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -80,7 +80,7 @@ SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a s
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
     """Move the widest gap of each seam that ends at an outline to a point where OCCT measures gaps.
-    A face does not change if a gap would become wider than `SPLIT`, or if its inside would move farther than that."""
+    A face does not change if its widest gap, or the movement of its inside, would then be larger than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -122,8 +122,8 @@ class _PeakSurface:
     edges: Floats
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return the poles of lowest degree for which the most seams have their widest gap at one of OCCT's samples.
-        exact : True to keep exact edges exact."""
+        """Return poles with which as many seams as possible have their widest gap at one of OCCT's samples.
+        Low degrees are preferred. exact : True if exact edges must stay exact."""
         more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
@@ -193,7 +193,7 @@ class _PeakSurface:
     def _misplaced(self, gaps: Floats) -> Bools:
         """Return (e,) True if the widest gap of a seam lies between two of OCCT's samples."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # (widest gap - widest sample) / widest gap; OCCT allows 1e-5
+        short = 3e-6  # largest (widest gap - gap at the samples) / widest gap; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         return np.asarray((sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT))
@@ -208,8 +208,8 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the sample nearest to the widest of gaps (k,), and the gap wanted there; 0 for any gap."""
-    higher = 1.003  # in a second round, the moved gap must become the widest
+    """Return the number of the sample nearest to the widest of gaps (k,), and the wanted gap there (0: any gap)."""
+    higher = 1.003  # in later rounds, the gap at the sample must become the widest
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 

@@ -60,7 +60,7 @@ class HalvedOutline:
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Yield pairs of places, the smaller first, whose chord lies inside the outline and not close to it.
-        The first group is chords at the `worst` places (k,), the second group is all others.
+        The chords at the `worst` places (k,) are the first group, all others the second group.
         Each group has at most `times * TRIED / 2` chords, sorted by length of the chord / smaller area beside it."""
         least_width = 1 / 20  # smallest width of a part / thickness; OCCT fails on narrower parts
         axes = axes_of(middle_normal(self.line))
@@ -90,17 +90,17 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     return bool((apart >= clear * np.minimum(shares, 1 - shares) * np.linalg.norm(b - a)).all())
 
 
-TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare seams
+TRIAL_DEGREE = 6  # degree of the trial surfaces by which seams are compared
 
 TIMES = 3
 """Largest multiple of the usual number of seams. More seams are tried if parts still exceed a limit."""
 
 OUT, OFF = 1 / 150, 2.0
-"""Limits of a face that stays whole: distance of poles outside the box / diagonal of the box, and distance of inner
+"""Limits of a face that is not divided: distance of poles outside the box / diagonal of the box, and distance of inner
 points / `limits.off`."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
-"""Numbers of cubics of a seam, and largest distance of the seam from the skins / `limits.off`.
+"""Numbers of cubics that are tried for a seam, and largest distance of a seam from the skins / `limits.off`.
 If the distance from the mesh is limited, a seam has only one cubic, as OCCT fails beside seams of several cubics."""
 
 
@@ -123,7 +123,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest ratio of value to limit for a face: its gap, inner distance, and distance from box or mesh."""
+    """Return the largest of a face's ratios value / limit: for its gap, and its distances from points, box and mesh."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles add their own distance
@@ -169,7 +169,7 @@ class _FaceDivision:
         return steps
 
     def _divide_in_two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face by the first seam that makes both parts better, or by the best of many seams."""
+        """Divide a face by the first seam whose two parts are both clearly better, or by the best of many seams."""
         less = 0.9  # largest `allowance_used` of the worse part / that of the whole face
         loop, model = self.over_halves(face.loops[0]), self.model  # an earlier division may have halved an edge
         best_seam: tuple[int, int, Floats] | None = None
@@ -178,7 +178,7 @@ class _FaceDivision:
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
-            # CAD programs can cut only edges with gaps up to SPLIT
+            # CAD programs cannot cut an edge with a gap wider than SPLIT
             wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)
             if worse < least and not wide:
                 if self.times == 1:

@@ -1,4 +1,4 @@
-"""Lifting of mesh points to both skins, with normals on each side of a crease and mitres between both sides."""
+"""Lifting of mesh points to both skins. At a crease, each side has its own normals, and a mitre joins the sides."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +14,7 @@ from dsfab.export.part import Curved
 from dsfab.surface import CREASE, Surface, corner_fans, link_components
 
 LEAST_BEND = 8.0  # degrees; smallest angle between faces along a crease
-BEND_RATIO = 4.0  # smallest bend of a crease / bend of the edges beside the crease
+BEND_RATIO = 4.0  # a crease bends at least this many times as much as the edges beside it
 STRAIGHT = np.cos(np.radians(30.0))  # cosine of the largest angle between a crease and its continuation
 OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]  # the two other edges of a face, for each of its three edges
 
@@ -73,7 +73,7 @@ class CreaseSides:
     creases : (k, 2) edges, sorted, the smaller vertex number first.
     vertex  : (s,) vertex of each column.    corner : (m, 3) column of each face's corners.
     normals : (s, 3) normal of each column.  half   : (s,) half the thickness, as in `DenseSurface`.
-    mitre   : (s, 3) vector, m, from the end of `half` along the normal to the common point of both sides' skins."""
+    mitre   : (s, 3) vector, m, from the end of `half` along the normal to the point where both skins meet."""
 
     surface: Surface
     creases: Ints
@@ -136,7 +136,7 @@ class CreaseSides:
         return row, np.isin(row, row[split[weights.indices] & real]) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return (count, 2) faces with the vertices of each row: both faces at an edge, one face twice, or -1."""
+        """Return (count, 2) faces with all vertices of each row: both faces at an edge, or one face twice; or -1."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -246,7 +246,7 @@ class Lifting:
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Replace points between two faces beside a crease by the nearest points in a face. These have a known side."""
+        """Replace points beside a crease that are in no face by the nearest points in a face, whose side is known."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights
@@ -256,7 +256,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        most_lift = 1 / 5  # largest lift from the mesh / thickness; chord errors have the limit `MOST_CHORD`
+        most_lift = 1 / 5  # largest lift from the mesh / thickness; `MOST_CHORD` limits chord errors
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
@@ -272,7 +272,7 @@ class Lifting:
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def vectors_to_skins(self, Q: Floats) -> Floats:
-        """Return (k, 6) vectors across the sheet from point pairs (k, 6) to both skins, at the middle of each pair."""
+        """Return (k, 6) vectors from point pairs (k, 6) to both skins, across the sheet at the middle of each pair."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
         is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # beyond a seam both skins are exchanged

@@ -94,14 +94,14 @@ class PieceJudge:
 
     @cached_property
     def volumes(self) -> Floats:
-        """(p,) volume of each piece in the mesh, cubic millimetres: sum of the prisms between the skins."""
+        """(p,) volume of each piece of the mesh, mm3: sum of the prisms between the skins."""
         return self._sum(np.ones(len(self.sheet.F)))
 
     @cached_property
     def excess_volumes(self) -> Floats:
         """(p,) fraction by which each piece may have more volume than the mesh, whose edges are chords of a curve."""
         sheet = self.sheet
-        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the search is twice as fast from points on a skin
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the triangles are found twice as fast from a skin
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
 
     def _sum(self, share: Floats) -> Floats:
@@ -110,14 +110,14 @@ class PieceJudge:
         return np.asarray(np.bincount(sheet.piece, volumes, sheet.count), dtype=np.float64)
 
     def distances(self, V: Floats, F: Ints) -> tuple[MeshDistances, MeshDistances]:
-        """Return distances of the triangles V (n, 3), F (m, 3) of all solids from the part's triangles, and back."""
+        """Return distances from triangles V (n, 3), F (m, 3) of all solids to the mesh, and from the mesh to these."""
         part = self.solids.part
         return self.farthest(V, F, part.V, part.F), self.farthest(part.V, part.F, V, F)
 
     def excess_distances(self, points: Floats) -> Floats:
         """(k,) distances of points (k, 3) from the mesh minus the allowed distances; negative for allowed points."""
         away = self.solids.distances(points)
-        is_far = away > self.limits.distance / 2  # only these need the local limit, which takes time
+        is_far = away > self.limits.distance / 2  # only far points need the local limit, which takes time
         away[is_far] -= self.limits.allowed_distances(points[is_far])
         away[~is_far] -= self.limits.distance
         return away
@@ -126,7 +126,7 @@ class PieceJudge:
         """Return distances of the triangles V (n, 3), F (m, 3) from the triangles V2, F2, at corners and centres."""
         points = np.concatenate([V[corners_of(F, np.ones(len(F), dtype=bool), len(V))], V[F].mean(axis=1)])
         away = nearest_places(points, V2, F2).distance
-        far_points = points[away > self.limits.distance]  # only these need the local limit
+        far_points = points[away > self.limits.distance]  # nearer points need no local limit
         if not len(far_points):
             return MeshDistances(float(away.max()), float(away.max()), self.limits.distance, far_points)
         far_distances, allowed = away[away > self.limits.distance], self.limits.allowed_distances(far_points)
@@ -151,5 +151,5 @@ class SolidPlan:
 
     @cached_property
     def gate(self) -> PieceJudge:
-        """Comparison of undivided pieces with the mesh."""
+        """Judge that compares undivided pieces with the mesh."""
         return PieceJudge(self.solids, self.whole, self.limits)

@@ -77,7 +77,7 @@ def _middle(sheet: DividedSheet, shift: int) -> tuple[Floats, Floats]:
 
 
 def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
-    """Return the regions of a sheet. shift : distance of the sheet's middle from its vertices, in half-thicknesses."""
+    """Return the regions of a sheet. shift : distance of the sheet's middle from its vertices / half the thickness."""
     V, D, F = *_middle(sheet, shift), sheet.F
     table = edge_table(F)
     _, piece = pieces(F, table)
@@ -145,7 +145,7 @@ def _width(line: Floats, length: float) -> float:
 
 
 def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
-    """Return positions in a loop where runs begin: at least two, and the same from both sides of a seam."""
+    """Return the positions in a loop where runs begin: at least two. Both sides of a seam get the same positions."""
     if len(starts) > 1:
         return starts
     start = int(starts[0]) if len(starts) else int(np.argmin(loop))

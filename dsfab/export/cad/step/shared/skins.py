@@ -16,7 +16,7 @@ from dsfab.surface.topology import on_boundary
 
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
-    """Surface with its skins, after zero or more divisions of its triangles. Fields are in metres, properties in mm.
+    """Surface with its skins; its triangles may be divided. Fields are in metres, properties in mm.
     half   : (n,) half the thickness of the faces.    shift, twins : as in `Curved`.
     parent : (m,) original face of each face."""
 
@@ -42,7 +42,7 @@ class DenseSurface:
 
     @cached_property
     def half_vectors(self) -> Floats:
-        """(n, 3) vectors from the middle to a skin along the mean normals; other normals would make a skin uneven."""
+        """(n, 3) vectors from the middle to a skin along mean normals. Along other normals, skins would be uneven."""
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property
@@ -81,7 +81,7 @@ def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
 
 def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
     """Return the midpoints (e, 3) of cubics along edges (e, 2) of P (n, 3).
-    The cubics are perpendicular to d (n, 3) at their ends. Fits through such points have no waves between vertices."""
+    The cubics are perpendicular to d (n, 3) at their ends. Fits through these midpoints have no waves."""
     N, chord = unit_vectors(d), P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
     return np.asarray(end_means(P, ends) + (slopes[0] - slopes[1]) / 8)
@@ -103,7 +103,7 @@ def chord_errors(skins: DenseSurface) -> Floats:
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
     """Return the (m,) fraction by which the smooth solid of each triangle is larger than the mesh's prism.
-    The estimate comes from two meshes, because a quarter of the difference remains if triangles are divided in four."""
+    It is 4/3 of the change after each triangle is divided in four, because a quarter of the difference then remains."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
     parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
@@ -114,7 +114,7 @@ def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
 def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
     """(m,) volumes between triangles V - D and V + D; V and D (n, 3)."""
     a, b, c = F.T
-    # mean area vector of V + s D for s from -1 to 1
+    # mean area vector of the triangles V + s D for s from -1 to 1
     across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
 
@@ -149,13 +149,13 @@ class SmoothLimits:
 
     @cached_property
     def usual_chord(self) -> float:
-        """90th percentile of the chord error."""
+        """Chord error that only 10 % of the triangles exceed."""
         return float(np.percentile(self.chord, 90))
 
     @property
     def summary(self) -> str:
         """Allowed distances as a part of a sentence; at coarse triangles and creases larger distances are allowed."""
-        coarse = 2  # smallest ratio of largest error / usual error that the message states
+        coarse = 2  # the message states the largest error if it is this many times the usual one
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
         is_coarse = largest > coarse * self.usual_chord and largest > self.distance

@@ -130,7 +130,7 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Plan for a part's smooth file; raises ExportError for an unknown sheet, or too many walls without a request."""
+    """Plan for a part's smooth file; raises ExportError if the sheet is unknown, or has many walls (unless asked)."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -165,7 +165,7 @@ class SmoothPlan(SolidPlan):
 
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
         """Build the pieces of all solids that are not finished, in a layout of fields (n, c).
-        Raises ExportError as soon as a chart of the only solid fails, because further charts take long."""
+        If there is only one solid, raises ExportError at its first failed chart, because further charts take long."""
         atlas = ChartAtlas(self.surface, self.curved, fields, FIT_SHARE * self.limits.distance)
         needed = set[int]()
 
@@ -204,7 +204,7 @@ def _unfinished_pieces(gate: PieceJudge, finished: Collection[int]) -> list[int]
     return [k for k in range(gate.sheet.count) if int(gate.solid[k]) not in finished]
 
 
-REFITS = 2  # number of times that refused pieces are built again with tighter curves
+REFITS = 2  # refused pieces are built again with tighter curves up to two times
 CLOSEST = len(LEVEL_FACTORS) - 1  # highest level of tighter curves, see `LEVEL_FACTORS`
 
 
@@ -221,7 +221,7 @@ def smooth_file(part: Part) -> SmoothPieceFile:
 
 
 def first_draft(part: Part) -> tuple[int, int]:
-    """Return faces and bytes of a part's first smooth file without checks; raises ExportError without pieces."""
+    """Count faces and bytes of a part's first, unchecked smooth file; raises ExportError if the file has no piece."""
     plan = SmoothPlan(part)
     with one_blas_thread():
         model = plan.build(next(plan.layouts())).model
@@ -234,7 +234,7 @@ def first_draft(part: Part) -> tuple[int, int]:
 class _SmoothSearch:
     def __init__(self, part: Part) -> None:
         self.part, self.plan = part, SmoothPlan(part)
-        self.inspected, self.most = 0, 6000  # faces (1 to 2 minutes of OCCT) after which no layout is tried
+        self.inspected, self.most = 0, 6000  # after 6000 faces (1 to 2 minutes of OCCT), no other layout is tried
         self.taken, self.reason, self.pieces = list[_AcceptedPiece](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()
@@ -341,9 +341,9 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """Return the mesh corners (k, 3), of the corners (n, 3) at walls, that are too far from the piece's edges.
+    """Return those (k, 3) of the mesh corners (n, 3) at walls that are too far from the piece's edges.
     This test is faster than a test of OCCT's triangles."""
-    chord_count, nearest_count = 64, 4  # chords along an edge; nearest chords to a corner that are compared
+    chord_count, nearest_count = 64, 4  # chords of each edge; number of near chords compared with a corner
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
     start, end = lines[:, :-1].reshape(-1, 3), lines[:, 1:].reshape(-1, 3)

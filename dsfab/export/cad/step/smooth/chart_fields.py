@@ -14,7 +14,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)  # largest angle between normals and cone after borders are straightened
+CONE_SLACK = np.deg2rad(12.0)  # straight borders may move normals out of the cone by this angle
 REACH = 0.25  # length over which the fields of charts diffuse / radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
@@ -38,7 +38,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """Return (m,) the cluster of each face; the normals of a cluster lie in a cone, unless the rounds run out."""
+    """Return (m,) the cluster of each face. The normals of a cluster lie in a cone if `rounds` is large enough."""
     rounds = 30  # at most 30 rounds add seeds of clusters
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
@@ -64,7 +64,7 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 
 def _dual(surface: Surface) -> csr_array:
-    """Return the graph of distances between neighbouring faces. Angles add distance, so that clusters end at bends."""
+    """Return the graph of distances between neighbouring faces. Bends make them longer, so that clusters end there."""
     turn_cost = 0.2  # cost of an angle of one radian / square root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
@@ -95,7 +95,7 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
     mean = np.stack([np.bincount(label, x) for x in (surface.areas[:, None] * surface.normals).T], axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
     area = np.bincount(label, surface.areas)[:, None]
-    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # 0 for a closed cluster
+    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # zero for a closed cluster
     return np.asarray(np.einsum("mi,mi->m", surface.normals, mean[label]))
 
 

@@ -80,7 +80,7 @@ class SplinePatch:
 
 SMOOTHING = 1e-5  # weight of the differences between poles, against the distances from points
 FEWEST_POLES, MOST_POLES = 6, 48  # smallest and largest number of poles of a fit in one direction
-FEW_POLES = 24  # largest number of poles in one direction, if a chart may be divided; more are slow in OCCT
+FEW_POLES = 24  # largest number of poles in one direction if a chart can still be divided; OCCT is slow with more
 FIRST_POLES = 8.0  # number of poles of the first attempt: geometric mean of both directions
 
 
@@ -89,7 +89,7 @@ class SurfaceFit:
     """Surface that was fitted to points.
     off     : largest distance from the points for which the tolerance applies, mm.
     size    : geometric mean of the wanted numbers of poles in both directions.
-    starved : True if more points would allow more poles."""
+    starved : True if the number of points limited the number of poles."""
 
     patch: SplinePatch
     off: float
@@ -109,7 +109,7 @@ def fitted_surface(
     """Fit a surface with few poles to Q (k, 6), one point on each skin. The tolerance applies to the points `inside`.
     first_poles : number of poles at the start, the geometric mean of both directions.
     most_poles  : largest number of poles in each direction.
-    The number of poles grows with the fourth root of the error."""
+    The next number of poles follows from the fourth root of the error."""
     points_per_pole = 2.5  # with fewer points, surfaces have waves between the points and gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
@@ -284,16 +284,16 @@ def _axes(V: Floats, across: Floats) -> Floats:
 
 HALVED = 4  # largest number of divisions of a chart
 
-STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine of a chart's normals and its axis; steeper charts are divided
+STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine between normals and axis of a chart; steeper charts are divided
 
 
 @dataclass(frozen=True, eq=False)
 class SkinChart:
     """Plane of a chart, and both skins as surfaces over the plane. Lengths in millimetres.
     origin, axes : (3,) point of the plane, and (3, 3) axes: two axes in the plane, and its normal.
-    upper, lower, middle : surfaces of the skins, and half way between the skins.
+    upper, lower, middle : surfaces of both skins, and the surface half way between them.
     tolerance    : tolerance of the fit; larger on a coarse mesh.
-    steepest     : cosine of the largest angle between the plane and a face, 1st percentile.
+    steepest     : cosine of the angle to the plane that only 1 % of the faces exceed.
     off          : largest distance of a skin from its points."""
 
     origin: Floats
@@ -332,7 +332,7 @@ class ChartAtlas:
     ) -> None:
         """Fit the charts of these numbers and the charts that they are divided into.
         hopeless : function of a failed chart's number; returns True if further charts are useless."""
-        useless = 3  # largest error / tolerance; OCCT measures the pieces again later
+        useless = 3  # a chart fails if its error / tolerance is larger; OCCT checks all pieces later
         fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:

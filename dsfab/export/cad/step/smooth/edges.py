@@ -86,7 +86,7 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Smallest power of two that makes every knot a whole number; whole numbers are short in the file."""
+        """Smallest power of two that, times any knot, gives a whole number; whole numbers are short in the file."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 

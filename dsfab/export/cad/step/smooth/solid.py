@@ -148,7 +148,7 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
     return np.concatenate([poles[:-1] for poles in pole_rows])
 
 
-ROUNDED = 1e-9  # distance of a point from a chord / length of the chord below which the point is on the chord
+ROUNDED = 1e-9  # a point is on a chord if its distance / length of the chord is smaller
 
 
 def crossings(piece: SmoothPiece) -> Floats:
@@ -171,8 +171,8 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
-    """Return the ends of edges at sharp corners whose two sides cross near the corner: 2 k and 2 k + 1 for edge k.
-    Sides cross if their tangents at the corner and the vectors to their middles are in opposite orders."""
+    """Return the ends of edges (2 k and 2 k + 1 for edge k) at sharp corners whose two sides cross near the corner.
+    Sides cross if one of them begins on the left of the other, but has its middle on the right of the other."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
@@ -194,7 +194,7 @@ def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
     reach = long.max()
     chord_a, chord_b = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
     apart = np.linalg.norm(middle[chord_a] - middle[chord_b], axis=1)
-    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2  # only near chords can cross
+    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2  # distant chords cannot cross
     chord_a, chord_b = chord_a[is_close], chord_b[is_close]
     meet = np.zeros(len(chord_a), dtype=bool)
     for a in (start, end):

@@ -1,6 +1,6 @@
 """OCCT's findings about each solid of a STEP file of smooth pieces.
 
-valid, closed, tessellates : True if OCCT finds the solid so.    faces : number of faces.    volume : mm3.
+valid, closed : by OCCT's tests.    tessellates : every face gets triangles.    faces : number.    volume : mm3.
 box : lowest and highest corner, mm.    bad : (k, 3) ends of crossing edges, mm.
 gap : largest measured distance between an edge and its curve on a face, mm.
 

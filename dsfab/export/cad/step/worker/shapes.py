@@ -91,7 +91,7 @@ def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
 
 
 def diagonal(shape: Any, optimal: bool = True) -> float:
-    """Return the diagonal of the smallest box that OCCT finds, or of the box that OCCT computes quickly."""
+    """Return the diagonal of a shape's box: the smallest box if `optimal`, otherwise a box that OCCT finds quickly."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 

@@ -46,7 +46,7 @@ def draw(shape: Any, deflection: float) -> None:
 
 
 def keep_drawn(shape: Any, folder: Path) -> None:
-    """Write a triangulated shape as `write_triangles` does. `mesh.npz` appears last, and complete."""
+    """Write a triangulated shape as `write_triangles` does. `mesh.npz` is written last; it is always complete."""
     solids = parts(shape, "SOLID")
     faces = [face for solid in solids for face in faces_of(solid)]
     write_binary(shape, folder / "shape.bin")

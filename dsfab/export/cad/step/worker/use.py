@@ -19,7 +19,7 @@ PLANES = (
 )
 """Cutting planes: normal, and distance from the middle of the box as a fraction of its diagonal."""
 
-BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))  # two corners of the box that cuts, as fractions of the solids' box
+BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))  # corners of the cutting box, as fractions of the solids' box
 
 FILLETS, SHARP = 10, 20.0  # number of edges to round; smallest angle (degrees) between their faces
 
@@ -71,8 +71,7 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
 
 
 def sample(path: Path) -> dict[str, Any]:
-    """Return the result of one cut through the middle of a file: `box`, `halves` (True if valid) and `off`, the
-    error."""
+    """Return the result of a cut through the middle: `box`, `halves` (True if valid), `off` (volume error)."""
     begin = time.process_time()
     shape = read(path)
     box = bounds(shape)
@@ -182,7 +181,7 @@ def _split(shape: Any, tool: Any) -> list[Any]:
 
 
 def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> bool:
-    meet = 0.05  # largest distance (mm) of coinciding ends of edges
+    meet = 0.05  # ends of edges at a smaller distance (mm) are one point
     from OCP.BRep import BRep_Tool
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Section
     from OCP.TopoDS import TopoDS
@@ -259,7 +258,7 @@ def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
 
 
 def _ends_at_corners(edge: Any, edges: Any) -> bool:
-    """Return True if no edge continues a straight edge at its ends; edges : of the shape, by vertex."""
+    """Return True if no other edge continues a straight edge. edges : edges of the shape, by vertex."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.TopExp import TopExp

@@ -14,7 +14,7 @@ MANY_EDGES = 16  # smallest number of edges of a face for Green's theorem
 
 
 class PlaneSpline(NamedTuple):
-    """Curve in a surface's parameters. knots : with repetitions.    way : 1, or -1 if it runs against the face."""
+    """Curve in a surface's parameters. knots : repeated.    way : 1, or -1 for a curve that runs against the face."""
 
     degree: int
     knots: list[float]
@@ -64,7 +64,7 @@ def _spline_surface(face: Any) -> Any | None:
 
 
 def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
-    end_tolerance = 1e-9  # an edge may end before its curve by this fraction of its length
+    end_tolerance = 1e-9  # an edge may be shorter than its curve by this fraction
     from OCP.BRep import BRep_Tool
     from OCP.Geom2d import Geom2d_BSplineCurve
     from OCP.TopAbs import TopAbs_Orientation
@@ -144,7 +144,7 @@ def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
 
 
 def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
-    """Spans of a curve of degree d: 2 d knots around each (k, 2 d), poles (k, d + 1, 2), and direction (k,)."""
+    """Spans of a curve of degree d: the 2 d knots around each span (k, 2 d), poles (k, d + 1, 2), direction (k,)."""
     d = curve.degree
     K = sliding_window_view(np.array(curve.knots[1:-1]), 2 * d)
     poles = sliding_window_view(np.array(curve.poles), d + 1, axis=0).swapaxes(1, 2)
