@@ -78,7 +78,7 @@ def test_a_fit_keeps_its_tolerance_between_its_points_or_adds_points():
 
 def test_thickness_half_way_along_edges_is_that_of_the_ends():
     d = np.array([[0.0, 0, 2], [0, np.sqrt(8), np.sqrt(8)]])
-    assert np.linalg.norm(points._mean(d, np.array([[0, 1]]))) == pytest.approx(3)
+    assert np.linalg.norm(points.mean_half_vectors(d, np.array([[0, 1]]))) == pytest.approx(3)
 
 
 def test_the_chord_error_that_counts_is_that_of_the_triangle_where_a_point_is():
@@ -178,16 +178,16 @@ def test_a_failed_chart_of_the_only_solid_stops_the_layout(monkeypatch, middle, 
     solid = thicken(sheet.surface, sheet.carry_corners(offsets(surface, THICKNESS).at_corners(surface.F), surface.F))
     part = replace(part_of(solid, "a"), curved=partial(curved_sheet, surface, sheet, THICKNESS))
     fields = -np.abs(surface.V[:, :1] - np.linspace(0.125, 1.875, 8))
-    made, honest = list[int](), ChartAtlas._chart
+    made, honest = list[int](), ChartAtlas.fitted_chart
 
     def disliked(self, k, *how):
         made.append(k)
-        if abs(surface.V[self._best[0] == k, 0].mean() - 1.5) < 0.2:
+        if abs(surface.V[self.fields.argmax(axis=1) == k, 0].mean() - 1.5) < 0.2:
             raise ExportError("it is disliked")
         return honest(self, k, *how)
 
-    monkeypatch.setattr(ChartAtlas, "_chart", disliked)
-    monkeypatch.setattr(SmoothPlan, "_unfinished_vertices", lambda *_: np.arange(surface.n))
+    monkeypatch.setattr(ChartAtlas, "fitted_chart", disliked)
+    monkeypatch.setattr(SmoothPlan, "unfinished_vertices", lambda *_: np.arange(surface.n))
     if needed:
         with pytest.raises(ExportError, match="it is disliked"):
             SmoothPlan(part).build(fields)

@@ -194,14 +194,14 @@ class PatchBuilder:
             return []
         cubic = patches_on_skins([coons(*four) for four in sides], self.away)
         patches = [patches_as_parabolas(P, self.limits.off) for P in cubic]
-        too_far = (_stray_distances(patches, self.away) > self.limits.off) | (_beyond_mesh(patches, self.limits) > 0)
+        too_far = (stray_distances(patches, self.away) > self.limits.off) | (patch_excess(patches, self.limits) > 0)
         least_ratio = 0.1  # a patch with a smaller relative Jacobian counts as folded
         jacobians = (least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) for P in patches)
         rows = zip(patches, too_far, jacobians, strict=True)
         return [None if is_far or jacobian < least_ratio else P for P, is_far, jacobian in rows]
 
 
-def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
+def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
     """Return for each region the largest distance (k,) of the middles of its patches from the skins."""
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
@@ -213,7 +213,7 @@ def _starts(parts: Sequence[Floats]) -> Ints:
     return np.cumsum([0, *map(len, parts)])[:-1]
 
 
-def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
+def patch_excess(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
     """(k,) by how much the patches of each region exceed the allowed distance from the mesh; -inf without a limit.
     Beside a crease, the middle of a patch lay on the skins, but its side was 1.4 mm from the mesh (1.1 are allowed)."""
     if not patches or limits.beyond_mesh is None:

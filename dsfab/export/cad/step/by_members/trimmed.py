@@ -176,7 +176,7 @@ def trimmed_face(
     if sum(a > 0 for a in area) != 1:
         raise ExportError("a region without four sides has no single outline")
     ways = np.stack([P[3] - P[0] for loop in loops for P in map(model.poles, loop)])
-    surfaces = [_surface(points[s], edges[s], ways[s], axes, limits) for s in (np.s_[:, :3], np.s_[:, 3:])]
+    surfaces = [height_surface(points[s], edges[s], ways[s], axes, limits) for s in (np.s_[:, :3], np.s_[:, 3:])]
     (outer, A, *outer_distances), (inner, B, *inner_distances) = surfaces
     gap, distance = np.maximum(outer_distances, inner_distances).tolist()
     astray = largest_excess(((outer, A), (inner, B)), [np.split(x, 2, axis=1) for x in lines], limits.beyond_mesh)
@@ -236,7 +236,7 @@ def signed_area(P: Floats) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
-def _surface(
+def height_surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
     """Fit a surface; return poles, axes, the gap at the edges, and the distance from inner points. ways : chords.
