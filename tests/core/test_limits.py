@@ -27,7 +27,7 @@ def accepted(imbalance: float, residual: float) -> bool:
 def test_report_and_solver_accept_the_same_residuals(imbalance, residual, off):
     case = SimpleNamespace(imbalance=off * imbalance, residual=off * residual)
     found = SimpleNamespace(judgement=SimpleNamespace(cases={"load": case}, check=None))
-    assert (Findings._balance_check(found).status == "pass") == accepted(case.imbalance, case.residual) == (off <= 1)
+    assert (Findings.balance_check(found).status == "pass") == accepted(case.imbalance, case.residual) == (off <= 1)
 
 
 def test_the_worst_of_several_counts():

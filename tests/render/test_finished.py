@@ -97,10 +97,9 @@ def test_a_mistake_inside_ends_the_other_process(vault, tmp_path, monkeypatch, t
     assert not Path(tmp_path / "preview.png").exists()
 
 
-def test_a_machine_that_cannot_draw_refuses_before_a_process_starts(monkeypatch, two_cores):
+def test_a_machine_that_cannot_draw_refuses_before_a_process_starts(monkeypatch, two_cores, untested_windows):
     monkeypatch.setattr(design_picture, "PreparedProgram", None)
-    monkeypatch.setattr(opengl, "_draws", lambda name: False)
-    monkeypatch.setattr(opengl, "_KNOWN", set())
+    monkeypatch.setattr(opengl, "PROBE", "raise SystemExit(1)")
     with pytest.raises(DsfabError, match="cannot be drawn"), design_picture.pictures_in_background():
         pass
 
