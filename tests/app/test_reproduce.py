@@ -308,7 +308,7 @@ def test_gradient_arrows_lie_along_the_gradient_on_the_side_that_is_seen(degrees
     right = surface.centroids[:, 0] > 0.5
     gradient = np.where(right, 1.0, 0.5)[:, None] * direction
     V, F = gradient_arrows(surface, gradient, 1.0, 0.01, eye)
-    count, part = link_components(len(V), *F[:, :2].T)
+    count, part = link_components(len(V), F[:, :2].ravel(), F[:, 1:].ravel())
     arrows = V[np.argsort(part, kind="stable")].reshape(count, -1, 3)
     assert count > 50
     assert F.max() < len(V)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsfab.core.errors import ExportError
-from dsfab.design.output.files import _where_largest, curved_sheet
+from dsfab.design.output.files import curved_sheet, largest_fields
 from dsfab.export import StepOptions, write
 from dsfab.export.cad.step.shared.sheet_outline import WALL, sheet_of
 from dsfab.export.cad.step.shared.skins import SmoothLimits
@@ -103,8 +103,8 @@ def test_a_face_between_three_borders_joins_a_neighbouring_chart():
     """Chart 3 is largest at no corner of face 1, nor is it near."""
     F = np.array([[0, 1, 2], [1, 3, 2]])
     fields = np.array([[1.0, 0, 0, -9], [0.6, 0.6, 0, -9], [0.6, 0, 0.6, -9], [0, 0.7, 0.5, -9]])
-    assert _where_largest(fields, F, np.array([0, 3])).tolist() == [0, 1]
-    assert _where_largest(fields, F, np.array([0, 2])).tolist() == [0, 2]
+    assert largest_fields(fields, F, np.array([0, 3])).tolist() == [0, 1]
+    assert largest_fields(fields, F, np.array([0, 2])).tolist() == [0, 2]
 
 
 def test_an_outline_that_touches_itself_is_split_at_that_vertex():
@@ -178,7 +178,7 @@ def test_a_failed_chart_of_the_only_solid_stops_the_layout(monkeypatch, middle, 
     solid = thicken(sheet.surface, sheet.carry_corners(offsets(surface, THICKNESS).at_corners(surface.F), surface.F))
     part = replace(part_of(solid, "a"), curved=partial(curved_sheet, surface, sheet, THICKNESS))
     fields = -np.abs(surface.V[:, :1] - np.linspace(0.125, 1.875, 8))
-    made, honest = list[int](), ChartAtlas.fitted_chart
+    made, honest = list[int](), ChartAtlas.chart
 
     def disliked(self, k, *how):
         made.append(k)
@@ -186,7 +186,7 @@ def test_a_failed_chart_of_the_only_solid_stops_the_layout(monkeypatch, middle, 
             raise ExportError("it is disliked")
         return honest(self, k, *how)
 
-    monkeypatch.setattr(ChartAtlas, "fitted_chart", disliked)
+    monkeypatch.setattr(ChartAtlas, "chart", disliked)
     monkeypatch.setattr(SmoothPlan, "unfinished_vertices", lambda *_: np.arange(surface.n))
     if needed:
         with pytest.raises(ExportError, match="it is disliked"):

@@ -283,7 +283,7 @@ def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
     one-sided. It stays open along that seam, so it is a disc with two sides. It crosses itself, as the projective plane
     must: three sheets meet in a triple point, and no solid of constant thickness exists around this point."""
     check_density(4 * height**2, edge)
-    chart = _Disc(height)
+    chart = BoyChart(height)
     rows = 24
     counts = np.array([1, *(6 * k for k in range(1, rows + 1))])
     turns = ring_turns(counts)
@@ -293,12 +293,13 @@ def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
 
 
 @dataclass(frozen=True)
-class _Disc:
+class BoyChart:
     """Chart of Boy's surface: its coordinates are the unit disc of the complex plane, its border is the unit circle."""
 
     height: float
 
     def place(self, X: Floats) -> Floats:
+        """(k, 3) points of the surface at disc coordinates (k, 2)."""
         w = X[:, 0] + 1j * X[:, 1]
         a = w**6 + np.sqrt(5) * w**3 - 1
         g = np.stack(

@@ -76,23 +76,18 @@ class RoughError(ExportError):
 
 @derived
 def member_file(part: Part) -> MemberFile:
-    """Return the file of a part, computed once for each part.
+    """Return the usual file of a part, or a finer file if that one is rough; computed once for each part.
     Raises NotByMembersError with the reason, and BudgetError if the file is too large."""
     try:
-        return _accepted_file(part)
+        plan = SolidPlan(part)
+        try:
+            return _tried(part, plan, False)
+        except RoughError:
+            return _tried(part, plan, True)
     except BudgetError:
         raise
     except ExportError as error:
         raise NotByMembersError(str(error), isinstance(error, ManyFacesError)) from error
-
-
-def _accepted_file(part: Part) -> MemberFile:
-    """Return the usual file if it passes; otherwise return a finer file, whose faces lie nearer to the mesh."""
-    plan = SolidPlan(part)
-    try:
-        return _tried(part, plan, False)
-    except RoughError:
-        return _tried(part, plan, True)
 
 
 def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:

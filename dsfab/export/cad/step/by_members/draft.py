@@ -256,7 +256,8 @@ def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SolidPlan)
         lines, model = fits.model(net)
     net, model = _with_cut_ends(net, lines, model, fits, plan)
     faces = _trimmed_faces(net, model, interior, fits)
-    bad = {region for region in model.compact if not _close(faces.get(region), plan)}
+    far = OUTLINE_SHARE * plan.limits.distance
+    bad = set(model.compact) - {r for r, face in faces.items() if face.gap <= SPLIT and face.off <= far}
     if bad:
         fits.patched |= bad
         _, model = fits.model(net)
@@ -284,10 +285,6 @@ def _trimmed_faces(net: ChainNet, model: NetModel, interior: RegionInterior, fit
     fitted = without_strays(model, fitted, points, fits.lifting.vectors_to_skins, fits.wanted)
     fits.faces |= {(region, outlines[region]): face for region, face in fitted.items()}
     return faces | fitted
-
-
-def _close(face: TrimmedFace | None, plan: SolidPlan) -> bool:
-    return face is not None and face.gap <= SPLIT and face.off <= OUTLINE_SHARE * plan.limits.distance
 
 
 def _with_cut_ends(

@@ -7,7 +7,7 @@ from functools import cache, partial
 import numpy as np
 from scipy.special import comb
 
-from dsfab.core.arrays import Bools, Floats, Ints, cross
+from dsfab.core.arrays import Bools, Floats, cross
 from dsfab.export.cad.step.by_members.curves import InnerSpline, patches_as_parabolas
 from dsfab.export.splines import bernstein
 
@@ -206,11 +206,7 @@ def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats])
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
-    return np.maximum.reduceat(distances, _starts(middles))
-
-
-def _starts(parts: Sequence[Floats]) -> Ints:
-    return np.cumsum([0, *map(len, parts)])[:-1]
+    return np.maximum.reduceat(distances, np.cumsum([0, *map(len, middles)])[:-1])
 
 
 def patch_excess(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
@@ -221,4 +217,4 @@ def patch_excess(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
     poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))
     points = np.einsum("xa,yb,kabi->kxyi", B, B, np.concatenate(poles))
     beyond = limits.beyond_mesh(points.reshape(-1, 3)).reshape(len(points), -1).max(axis=1)
-    return np.maximum.reduceat(beyond, _starts(poles))
+    return np.maximum.reduceat(beyond, np.cumsum([0, *map(len, poles)])[:-1])

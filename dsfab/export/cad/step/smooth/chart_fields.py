@@ -102,9 +102,12 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
     """Straighten the borders of charts. Divide charts that are too steep or not connected, and straighten again."""
+    f, g = (surface.edges.pairs // 3).T
     for turn in range(5):
         fields = diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)
-        label = _parts(surface, fields[surface.F].sum(axis=1).argmax(axis=1))
+        label = fields[surface.F].sum(axis=1).argmax(axis=1)
+        is_joined = label[f] == label[g]
+        label = link_components(surface.m, f[is_joined], g[is_joined])[1]
         cosine = _cosines(surface, label)
         bad = np.unique(label[cosine < least])
         if not len(bad) and label.max() + 1 == len(np.unique(fields.argmax(axis=1))):
@@ -134,12 +137,6 @@ def diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
             fields[:, moved] = step.solve(chosen[:, moved])
             load = chosen
     return fields
-
-
-def _parts(surface: Surface, label: Ints) -> Ints:
-    f, g = (surface.edges.pairs // 3).T
-    is_joined = label[f] == label[g]
-    return link_components(surface.m, f[is_joined], g[is_joined])[1]
 
 
 def _halve(surface: Surface, label: Ints, bad: int, cosine: Floats) -> None:

@@ -346,8 +346,7 @@ class ChartAtlas:
                 todo += halves
                 continue
             try:
-                most_poles = FEW_POLES if may and not turn else MOST_POLES
-                chart = self.fitted_chart(k, FIRST_POLES * (2 if turn else 1), most_poles)
+                chart = self.chart(k, FIRST_POLES * (2 if turn else 1), FEW_POLES if may and not turn else MOST_POLES)
                 if may and chart.off > chart.tolerance:
                     self._divide(k, (self._levels[0].points - chart.origin) @ chart.axes[0])
                     todo += halves
@@ -392,7 +391,7 @@ class ChartAtlas:
             fields = below.carry(fields)
         return fields
 
-    def fitted_chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
+    def chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
         """Fit chart k with `first_poles` to `most_poles` poles on a side."""
         of_chord = 0.3  # the tolerance includes this fraction of the mesh's chord error
         most_divisions = 2  # a coarse mesh is divided twice at most, because both charts at a seam must agree

@@ -190,12 +190,6 @@ def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
 
 def crossing_chords(start: Floats, end: Floats) -> Ints:
     """Return pairs (p, 2) of crossing chords that run from points (k, 2) to points (k, 2) and have no common end."""
-    chord_a, chord_b = _close_chords(start, end)
-    is_crossing = _lies_across(start, end, chord_a, chord_b) & _lies_across(start, end, chord_b, chord_a)
-    return np.stack([chord_a, chord_b], axis=1)[is_crossing]
-
-
-def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
     middle, long = (start + end) / 2, np.linalg.norm(end - start, axis=1)
     reach = long.max()
     chord_a, chord_b = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
@@ -206,7 +200,9 @@ def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
     for a in (start, end):
         for b in (start, end):
             meet |= np.linalg.norm(a[chord_a] - b[chord_b], axis=1) < 1e-9 * reach
-    return chord_a[~meet], chord_b[~meet]
+    chord_a, chord_b = chord_a[~meet], chord_b[~meet]
+    is_crossing = _lies_across(start, end, chord_a, chord_b) & _lies_across(start, end, chord_b, chord_a)
+    return np.stack([chord_a, chord_b], axis=1)[is_crossing]
 
 
 def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
