@@ -174,7 +174,7 @@ def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
 
 
 def keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, ...]) -> Bools:
-    """Return (order,) True for each element of a symmetry that maps the guides to themselves."""
+    """Return (g,) True for each element of a symmetry group that maps the guides to themselves."""
     area, n = frames.surface.vertex_areas, frames.surface.n
     tensors = [guide.tensors(frames) for guide in guidance]
     total = np.asarray(sum(tensors))

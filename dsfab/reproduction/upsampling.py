@@ -88,7 +88,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
 
 
 def division(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
-    """Divide crowded triangles into four, and their neighbours into two or three, so that all edges still match."""
+    """Divide crowded (m,) triangles into four, and neighbours into two or three, so that all edges still match."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True

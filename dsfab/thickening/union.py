@@ -215,7 +215,7 @@ class PrismPart(NamedTuple):
 
 
 def prism_part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> PrismPart:
-    """Return the closed mesh over the faces of a part; patches that touch in a vertex get separate copies of it."""
+    """Return the closed mesh of a part with offsets (m, 3, 3); patches that touch in a vertex get copies of it."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

@@ -145,7 +145,7 @@ def test_the_finished_structure_is_drawn_by_the_same_process(drawn_apart, tmp_pa
         assert path.exists() == sketched
         assert first.draw_structure("anything", path)
         assert path.read_text() == str(int(sketched))
-        first._process.wait()  # it has ended, and nothing reads what it is asked
+        first.process.wait()  # it has ended, and nothing reads what it is asked
         assert not first.draw_structure("anything", tmp_path / "b.png")
         assert first.finish() is None
     assert list(tmp_path.iterdir()) == [path]

@@ -93,7 +93,7 @@ def test_a_mistake_inside_ends_the_other_process(vault, tmp_path, monkeypatch, t
     monkeypatch.setattr(design_picture, "PreparedProgram", Seen)
     with pytest.raises(AttributeError), design_picture.pictures_in_background() as pictures:
         pictures.add_verdict(vault, None, tmp_path)
-    assert started[0]._run.returncode is not None
+    assert started[0].process.returncode is not None
     assert not Path(tmp_path / "preview.png").exists()
 
 

@@ -326,7 +326,7 @@ def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
 
 
 def closed_loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
-    """Join runs with common ends; yield closed curves without a repeated point. Raises SurfaceError for open curves."""
+    """Join runs (k, 3) with common ends; yield closed curves without a repeated point; SurfaceError for open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
     ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # points 2 k and 2 k + 1 are the ends of run k

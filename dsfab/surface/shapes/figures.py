@@ -309,7 +309,7 @@ class BoyChart:
         return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return the disc coordinates whose image is nearest to the position after `step`, limited to the disc."""
+        """Return coordinates (k, 2) in the disc whose image is nearest to that of X, moved by `step` (k, 3)."""
         small = 1e-6
         places = self.place(X)
         J = np.stack([(self.place(X + small * e) - places) / small for e in np.eye(2)], axis=2)

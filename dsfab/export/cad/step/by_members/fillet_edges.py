@@ -300,7 +300,7 @@ def _directed_walls(
 def edge_stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
-    """Return the places of cuts of an edge with corners, as fractions of its length.
+    """Return the places of cuts of an edge with poles (4, 6) and corners, as fractions of its length.
     No gap to the trimmed face between a corner and its cut may be wider than the gaps at the corner and at the cut.
     corners : tangents of half the bend at start and end, 0 without a corner.
     ending  : True at a corner where the directed edge ends; the cut is then at most `LONGEST_SHARE` away."""

@@ -78,7 +78,7 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def is_narrow_end(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if a line between the ends of a row of chains cuts off a narrow piece, or runs outside the region."""
+    """Return True if the chord of a row of chains over nodes P (n, 3) cuts off a narrow piece, or leaves the region."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 

@@ -239,9 +239,9 @@ def signed_area(P: Floats) -> float:
 def height_surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
-    """Fit a surface; return poles, axes, the gap at the edges, and the distance from inner points. ways : chords.
+    """Fit a surface to inner points (k, 3) and edges (j, 3); return poles, axes, gap, and distance from inner points.
     The surface covers a rectangle in its mean plane. If its poles leave the box, it covers a parallelogram along two
-    chords instead, because CAD programs compute bounding boxes from poles."""
+    of the chords `ways` (c, 3) instead, because CAD programs compute bounding boxes from poles."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)

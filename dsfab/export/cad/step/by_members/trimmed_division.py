@@ -173,7 +173,7 @@ class FaceDivision:
         return steps
 
     def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face by the first seam that makes both parts better, or by the best of many seams."""
+        """Divide a face with inner points (k, 6) by the first seam that makes both parts better, or by the best one."""
         less = 0.9  # largest `allowance_used` of the worse part / that of the whole face
         loop, model = self.over_halves(face.loops[0]), self.model  # an earlier division may have halved an edge
         best_seam: tuple[int, int, Floats] | None = None
@@ -241,7 +241,7 @@ class FaceDivision:
         return beyond is None or float(beyond(samples.reshape(-1, 3)).max()) <= 0
 
     def seam_loops(self, loop: ChainLoop, a: int, b: int, cubics: Floats) -> tuple[ChainLoop, ChainLoop]:
-        """Add a seam from place a to place b to the model; returns the loops of both parts."""
+        """Add a seam of cubics (c, 4, 6) from place a to place b to the model; returns the loops of both parts."""
         steps, place_steps, model = list[tuple[int, bool]](), list[int](), self.model
         for i, step in enumerate(loop):
             place_steps.append(len(steps))
