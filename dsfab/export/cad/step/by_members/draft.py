@@ -332,9 +332,8 @@ class _Fits:
         self.wanted = FaceLimits(wanted_gap(plan.limits.thickness), plan.limits.distance, box, beyond_mesh)
         self.covering = PatchBuilder(self.lifting.vectors_to_skins, self.wanted)
         self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
-        self.faces = dict[tuple[int, bytes], TrimmedFace]()
+        self.faces, self.patched = dict[tuple[int, bytes], TrimmedFace](), set[int]()
         self.region_quads = RegionQuads(self.reach)
-        self.patched = set[int]()
 
     def model(self, net: ChainNet) -> tuple[NetLines, NetModel]:
         changed = {k: chain for k, chain in net.chains.items() if self.points.get(k) is not chain.points}
