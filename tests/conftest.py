@@ -88,9 +88,19 @@ def inspected_pieces(monkeypatch):
             look()
         return [dict(one) for one in found]
 
-    monkeypatch.setattr(reports, "_records", said)
+    monkeypatch.setattr(reports, "solid_records", said)
     monkeypatch.setattr(reports, "occt_report", drawn)
     return found
+
+
+@pytest.fixture
+def untested_windows():
+    """A process that has not tested kinds of windows; what it learns of them is forgotten."""
+    from dsfab.render import opengl
+
+    opengl.forget_windows()
+    yield
+    opengl.forget_windows()
 
 
 @pytest.fixture

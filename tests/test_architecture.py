@@ -12,11 +12,12 @@ The docstring of each `__init__` says what its room holds. A room stands on the 
 
 import ast
 import os
+import re
 import subprocess
 import sys
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from importlib import metadata
 
@@ -412,6 +413,86 @@ def test_the_top_level_stays_small():
 def test_the_outputs_folder_tracks_only_its_readme():
     tracked = subprocess.run(["git", "ls-files", "outputs"], cwd=ROOT, capture_output=True, text=True, check=True)
     assert tracked.stdout.split() == ["outputs/README.md"]
+
+
+# --- what tests know
+
+
+PLAIN = {"_replace", "_fields", "_asdict", "_exit", "_repr_png_"}
+"""Names of the standard library and of notebooks that are public in spite of their first letter."""
+
+
+def is_private(name: object) -> bool:
+    """Whether a name is of no concern to others."""
+    return isinstance(name, str) and name.startswith("_") and not name.startswith("__") and name not in PLAIN
+
+
+def root(node: ast.AST) -> str:
+    """`a` of `a.b.c`, and nothing of what is no such chain of names."""
+    while isinstance(node, ast.Attribute):
+        node = node.value
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def imported(among: Iterable[ast.AST]) -> set[str]:
+    """Names by which a module knows what it has of dsfab."""
+    given = [one for one in among if isinstance(one, ast.Import | ast.ImportFrom)]
+    return {
+        (alias.asname or alias.name).split(".")[0]
+        for one in given
+        for alias in one.names
+        if (one.module or "" if isinstance(one, ast.ImportFrom) else alias.name).split(".")[0] == "dsfab"
+    }
+
+
+def private_uses(among: Sequence[ast.AST]) -> Iterator[str]:
+    """Private names that a test imports from dsfab, reads there, or replaces there."""
+    known = imported(among)
+    for node in among:
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "dsfab":
+            yield from (alias.name for alias in node.names if is_private(alias.name))
+        elif isinstance(node, ast.Attribute) and is_private(node.attr) and root(node) in known:
+            yield ast.unparse(node)
+        elif isinstance(node, ast.Call) and len(node.args) > 1 and root(node.args[0]) in known:
+            yield from (one.value for one in node.args[1:2] if isinstance(one, ast.Constant) and is_private(one.value))
+        elif isinstance(node, ast.Constant) and re.fullmatch(r"dsfab(\.\w+)*\._[A-Za-z]\w*(\.\w+)*", str(node.value)):
+            yield str(node.value)
+
+
+def private_attributes(among: Sequence[ast.AST]) -> Iterator[str]:
+    """Private attributes of objects that a test has made, of which some are foreign."""
+    known = imported(among) | {"self", "cls"}
+    chains = (node for node in among if isinstance(node, ast.Attribute) and is_private(node.attr))
+    return (ast.unparse(node) for node in chains if root(node) not in known)
+
+
+USED = {"dsfab._HOME", "dsfab.workshop.strips._StripLayer._part"}
+"""The table of the facade, which is looked at above, and a method whose seconds a benchmark counts."""
+
+ATTRIBUTES = 40
+"""How many private attributes of objects the tests read; it may only shrink, since the inside is to be rebuilt."""
+
+
+def test_tests_use_public_functions_only():
+    texts = [path.read_text(encoding="utf-8") for path in sorted((ROOT / "tests").rglob("*.py"))]
+    found = [tuple(ast.walk(ast.parse(text))) for text in texts if re.search(r"\b_[A-Za-z]", text)]
+    assert {name for among in found for name in private_uses(among)} <= USED
+    attributes = [name for among in found for name in private_attributes(among)]
+    assert len(attributes) <= ATTRIBUTES, sorted(attributes)
+
+
+@pytest.mark.parametrize(
+    ("text", "uses"),
+    [
+        ("from dsfab.a import _b, c", ["_b"]),
+        ("from dsfab import a\na.c._b(a.__name__)", ["a.c._b"]),
+        ("from dsfab.a import C\npatch.setattr(C, '_b', 1)", ["_b"]),
+        ("patch.setattr('dsfab.a._b', 1)", ["dsfab.a." + "_b"]),
+        ("from numpy import _b\nimport scipy\nscipy._b\nprint('_b', self._b)", []),
+    ],
+)
+def test_a_planted_private_name_is_found(text, uses):
+    assert list(private_uses(tuple(ast.walk(ast.parse(text))))) == uses
 
 
 # --- sizes and names

@@ -30,7 +30,7 @@ class FirstPicture:
     def __init__(self, on_sketch: Callable[[], None] | None) -> None:
         self._told = on_sketch
         home = str(Path(__file__).parents[2])
-        self._process = subprocess.Popen(
+        self.process = subprocess.Popen(
             [sys.executable, "-P", "-c", PROGRAM, home, *["sketches"] * bool(on_sketch)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -51,7 +51,7 @@ class FirstPicture:
 
     def __exit__(self, *_: object) -> None:
         self._end()
-        with suppress(BrokenPipeError), self._process:  # close pipes that may hold unread bytes
+        with suppress(BrokenPipeError), self.process:  # close pipes that may hold unread bytes
             pass
 
     @contextmanager
@@ -97,11 +97,11 @@ class FirstPicture:
     def _wait(self, seconds: float) -> None:
         assert self._talking
         self._talking.join(seconds)
-        if self._talking.is_alive() or self._process.poll() is not None:
+        if self._talking.is_alive() or self.process.poll() is not None:
             self._end()
 
     def _end(self) -> None:
-        self._process.kill()
+        self.process.kill()
         if self._talking:
             self._talking.join()
 
@@ -110,7 +110,7 @@ class FirstPicture:
         self._talking.start()
 
     def _send_request(self, message: bytes | None, on_success: Callable[[], None] | None) -> None:
-        requests, answers = self._process.stdin, self._process.stdout
+        requests, answers = self.process.stdin, self.process.stdout
         assert requests
         assert answers
         try:

@@ -155,7 +155,7 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
     if symmetry is not None and (oblique or guidance):
         all_images = np.ones(symmetry.order, dtype=bool)
         turned = keeps_orientation(frames.surface, symmetry) if oblique else all_images
-        guided = _keeps_guides(frames, symmetry, guidance) if guidance else all_images
+        guided = keeps_guides(frames, symmetry, guidance) if guidance else all_images
         group, remaining_order = _subgroup(symmetry, turned & guided)
         causes = [f"rotate = {options.rotate:g}"] * (not turned.all()) + ["guides"] * (not guided.all())
         if causes:
@@ -176,7 +176,8 @@ def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
     return np.array([surface.areas @ faces > 0.9 * surface.area for faces in agree])
 
 
-def _keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, ...]) -> Bools:
+def keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, ...]) -> Bools:
+    """Return (g,) True for each element of a symmetry group that maps the guides to themselves."""
     area, n = frames.surface.vertex_areas, frames.surface.n
     tensors = [guide.tensors(frames) for guide in guidance]
     total = np.asarray(sum(tensors))

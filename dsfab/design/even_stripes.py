@@ -90,7 +90,7 @@ class StripeDirections:
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
         length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow faster changes
-        along, over = _directions(preset.pattern, frames, stress, steer, images, length)
+        along, over = stripe_directions(preset.pattern, frames, stress, steer, images, length)
         steer = steer.with_loops(frames, stress)
         confidence = steer.confidence(surface, stress.confidence(surface.areas))
         along = signs_with_short_seams(frames, along)[:, None] * along
@@ -131,7 +131,7 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
     )
 
 
-def _directions(
+def stripe_directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
     """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of exchanged families.

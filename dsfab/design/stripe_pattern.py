@@ -357,11 +357,11 @@ def solved_layers(
         def solve(share_of: Callable[[float], float]) -> float:
             return solved_factor(share_of, requested, tolerance, slope, bool(guess), jump)
 
-        return _layers_with_share(layers, share, factor, solve)
+        return layers_with_share(layers, share, factor, solve)
     return layers(factor), factor
 
 
-def _layers_with_share(
+def layers_with_share(
     layers: Callable[[float, float], list[Layer]],
     share: Callable[[Sequence[Layer]], float],
     factor: float,

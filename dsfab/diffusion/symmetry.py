@@ -115,7 +115,7 @@ def checked_symmetry(
         if distance > IMAGE_OFF_SURFACE * edge:
             raise _symmetry_error(words, "the surface is", f"its image is up to {distance:.3g} m away from it")
     for g in R[1:]:
-        distance, T = _point_map(surface, tree, (surface.V - centre) @ g.T + centre)
+        distance, T = point_map(surface, tree, (surface.V - centre) @ g.T + centre)
         if distance > IMAGE_OFF_SURFACE * edge:
             raise _symmetry_error(words, "the surface is", f"its image is up to {distance:.3g} m away from it")
         maps.append(T)
@@ -166,7 +166,7 @@ def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
     return float(np.sqrt(squared.max()))
 
 
-def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
+def point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
     """Return the largest distance of points (p, 3) from the surface, and a matrix (p, n) of interpolation there.
     The matrix interpolates at the nearest points of the surface. Barycentric weights below 1e-3 become 0, because files
     round coordinates."""

@@ -84,7 +84,7 @@ def splines_by_halving(runs: Sequence[SampledLine], tolerance: float) -> list[Re
         breaks = {k: runs[k].breaks for k in batch}
         while breaks:
             rounded = [np.round(span_ends, KNOT_DIGITS) for span_ends in breaks.values()]
-            rows = _SplineSystem([runs[k] for k in breaks], rounded)
+            rows = SplineSystem([runs[k] for k in breaks], rounded)
             poles, next_breaks = rows.poles(), dict[int, Floats]()
             for k, span_ends, (low, high), errors in zip(
                 breaks, rows.breaks, rows.ends, rows.errors(poles), strict=True
@@ -112,7 +112,9 @@ def _batches(runs: Sequence[SampledLine]) -> Iterator[list[int]]:
         yield batch
 
 
-class _SplineSystem:
+class SplineSystem:
+    """Cubic splines along several lines, fitted at once. breaks : (b,) ends of the spans of each line, mm."""
+
     def __init__(self, runs: list[SampledLine], breaks: list[Floats]) -> None:
         self.runs, self.breaks = runs, breaks
         pairs = zip(runs, breaks, strict=True)

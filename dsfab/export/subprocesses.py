@@ -80,7 +80,7 @@ class PreparedProgram:
     The program reads its arguments as lines of JSON, each a list of strings. The `with` block ends the program."""
 
     def __init__(self, program: str) -> None:
-        self._run = _start(program, stdin=subprocess.PIPE)
+        self.process = _start(program, stdin=subprocess.PIPE)
 
     def __enter__(self) -> "PreparedProgram":
         return self
@@ -88,25 +88,25 @@ class PreparedProgram:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self._run.kill()
-        with self._run:  # the context closes the pipes
+        self.process.kill()
+        with self.process:  # the context closes the pipes
             pass
 
     def send(self, *arguments: str) -> None:
         """Send the arguments; this is possible only before `answer`."""
-        if self._run.stdin:
+        if self.process.stdin:
             with suppress(BrokenPipeError):  # the program has ended; its error output contains the reason
-                self._run.stdin.write(json.dumps(arguments) + "\n")
-                self._run.stdin.flush()
+                self.process.stdin.write(json.dumps(arguments) + "\n")
+                self.process.stdin.flush()
 
     def answer(self, seconds: float) -> str:
         """Return the last line of output after the arguments were sent; raises the errors of `last_line`."""
-        return _last(_answer(self._run, seconds))
+        return _last(_answer(self.process, seconds))
 
     def answer_with_work(self, is_ready: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
         """Return the answer; call `work` as soon as `is_ready()` is true, while the program continues."""
         with ThreadPoolExecutor(1) as reading:
-            pending = reading.submit(_answer, self._run, seconds)
+            pending = reading.submit(_answer, self.process, seconds)
             try:
                 if waiting := _WAITING.get():
                     waiting.do()
@@ -115,7 +115,7 @@ class PreparedProgram:
                 if is_ready():
                     work()
             except BaseException:  # otherwise the pool waits for the program
-                self._run.kill()
+                self.process.kill()
                 raise
             return _last(pending.result())
 

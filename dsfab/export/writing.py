@@ -324,7 +324,7 @@ def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
     fresh = {path.name for path in partial.iterdir()}
     old_names = {path.name for path in target.iterdir()}
     user_names = old_names - fresh - outdated
-    if not (_link(target, partial, user_names) and _exchange(partial, target)):
+    if not (link_files(target, partial, user_names) and exchange_folders(partial, target)):
         for name in user_names:
             (partial / name).unlink(missing_ok=True)
         return False
@@ -332,7 +332,8 @@ def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
     return True
 
 
-def _link(target: Path, partial: Path, user_names: set[str]) -> bool:
+def link_files(target: Path, partial: Path, user_names: set[str]) -> bool:
+    """Add hard links to the user's files to the new folder; returns False if the system cannot."""
     try:
         for name in user_names:
             os.link(target / name, partial / name)
@@ -351,7 +352,8 @@ def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set
             os.replace(path, new_path)
 
 
-def _exchange(folder_a: Path, folder_b: Path) -> bool:
+def exchange_folders(folder_a: Path, folder_b: Path) -> bool:
+    """Exchange two folders in one step; returns False if the system cannot."""
     try:
         call = ctypes.CDLL(None, use_errno=True).renameat2
     except (AttributeError, OSError, TypeError):

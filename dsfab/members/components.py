@@ -255,10 +255,10 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
         disc &= (round_[part[:, k]] > DISC) & band.drawn.hides
         part[disc] = np.where(np.arange(part.shape[1]) == k, part[disc], -1)
     label = np.unique(part, axis=0, return_inverse=True)[1].ravel()
-    return _without_slivers(overlay.sheet, label.astype(np.int64), np.asarray((part < 0).all(axis=1)))
+    return without_slivers(overlay.sheet, label.astype(np.int64), np.asarray((part < 0).all(axis=1)))
 
 
-def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
+def without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
     """Give connected loose cells the label of their neighbours, if all neighbours have the same label.
     Fairing of walls leaves such narrow cells outside of all stripes."""
     f, g = sheet.surface.edges.pairs.T // 3

@@ -247,13 +247,13 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
     while unvisited.any():
         order, predecessor = breadth_first_order(link, int(np.argmax(unvisited)), directed=False)
         unvisited[order] = False
-        _propagate(link, order.astype(np.int64), predecessor.astype(np.int64), s, q, signs, shifts)
+        propagate_phases(link, order.astype(np.int64), predecessor.astype(np.int64), s, q, signs, shifts)
     shift_all = signs[:, None] * phase.shift + shifts[:, None]
     aligned = replace(phase, sign=signs[:, None] * phase.sign, shift=shift_all)
     return _seen_by_first_faces(surface, aligned)
 
 
-def _propagate(
+def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
     """Set signs and shifts (m,) of the faces, in the `order` in which a search from a first face reached them.

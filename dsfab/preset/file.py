@@ -101,7 +101,7 @@ def preset_toml(preset: Preset, for_people: bool = False) -> str:
         surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
     # the shape's keys come before supports and loads
     values["surface"] = {**{k: v for k, v in surface.items() if k not in SurfaceSection.model_fields}, **surface}
-    return _short_lists(tomli_w.dumps(values))
+    return short_lists(tomli_w.dumps(values))
 
 
 def preset_from_toml(text: str) -> Preset:
@@ -118,7 +118,8 @@ copyreg.pickle(Preset, lambda preset: (preset_from_toml, (preset_toml(preset),))
 copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 
 
-def _short_lists(text: str) -> str:
+def short_lists(text: str) -> str:
+    """Return a TOML text with each short list on one line."""
     return _LIST.sub(_on_one_line, text)
 
 

@@ -72,8 +72,8 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     up   : (3,) unit vector; arrows on an open sheet lie on its upper side."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V, at_points, elsewhere = surface.V, acts & load.loaded, acts & ~load.loaded
-    points = _gathered_forces(V, load.force, at_points, POINT_LOAD_SPACING, LONGEST_POINT * size, size)
-    spread = _gathered_forces(V, load.force, elsewhere, SPREAD_LOAD_SPACING, LONGEST_SPREAD * size, size)
+    points = gathered_forces(V, load.force, at_points, POINT_LOAD_SPACING, LONGEST_POINT * size, size)
+    spread = gathered_forces(V, load.force, elsewhere, SPREAD_LOAD_SPACING, LONGEST_SPREAD * size, size)
     vertices = np.concatenate([points.at, spread.at])
     pull, long = np.concatenate([points.pull, spread.pull]), np.concatenate([points.long, spread.long])
     along = pull / np.linalg.norm(pull, axis=1, keepdims=True)
@@ -93,9 +93,10 @@ def _outer(surface: Surface, up: Floats) -> float:
     return -1.0 if not surface.is_closed and float(surface.areas @ (surface.normals @ up)) < 0 else 1.0
 
 
-def _gathered_forces(
+def gathered_forces(
     V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: float, size: float
 ) -> ForceArrows:
+    """Gather forces (n, 3) at vertices V (n, 3) where they act (n,) into a few arrows, at most `longest` (m) long."""
     vertices = np.flatnonzero(acts)
     if not len(vertices):
         return ForceArrows(vertices, np.zeros((0, 3)), np.zeros(0))
@@ -126,7 +127,7 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
     acts = load.supported & (np.linalg.norm(reaction, axis=1) > 0)
     if not acts.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    arrows = _gathered_forces(surface.V, reaction, acts, SUPPORT_SPACING, LONGEST_POINT * size, size)
+    arrows = gathered_forces(surface.V, reaction, acts, SUPPORT_SPACING, LONGEST_POINT * size, size)
     along = arrows.pull / np.linalg.norm(arrows.pull, axis=1, keepdims=True)
     inwards = surface.V.mean(axis=0) - surface.V[arrows.at]
     pushes = np.einsum("ki,ki->k", along, inwards) > 0

@@ -131,7 +131,7 @@ class _MembersDrawing:
             depth = scene.pixels(stage.view, FINER * size[0], FINER * size[1]).depth * stage.radius
         # letters are smaller if there are over 90 members and over 12 names
         letter = size[1] / 62 * min(1.0, np.sqrt(90 / len(graph.members)) if len(names) > 12 else 1.0)
-        plates = list(_plates(graph, stage, depth, (size, names, palette)))
+        plates = list(nameplates(graph, stage, depth, (size, names, palette)))
         image = with_names(image, place_names(plates, size, letter), letter, palette.paper)
         return np.asarray(with_legend(image, legend(stage, words, palette, size, swatches), palette))
 
@@ -161,9 +161,10 @@ def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour
     return tuple(swatches)
 
 
-def _plates(
+def nameplates(
     graph: "MemberGraph", stage: Stage, depth: np.ndarray, look: tuple[tuple[int, int], Mapping[str, Colour], Palette]
 ) -> Iterator[Nameplate]:
+    """Yield the nameplates of members. depth : (h, w) of a picture.    look : its size, colours of names, palette."""
     size, names, palette = look
     for member in (member for member in graph.members if member.id in names):
         seen = stage.view.page_coordinates(_points(graph, member, stage.view))

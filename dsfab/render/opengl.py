@@ -32,7 +32,7 @@ _PROBES: list[threading.Thread] = []  # the running test, if any
 
 def probe_ahead() -> None:
     """Begin the test while this process loads modules; `require_rendering` waits for the result."""
-    name = _candidates(_window_choice())[0]
+    name = window_kinds(_window_choice())[0]
     if not _PROBES and name not in _KNOWN:
         _PROBES.append(threading.Thread(target=lambda: _draws(name), daemon=True))
         _PROBES[-1].start()
@@ -40,7 +40,7 @@ def probe_ahead() -> None:
 
 def assume_window(window: str | None = None) -> str:
     """Use a kind of window without a test, by default the first candidate, and return its name."""
-    name = _candidates(os.environ.get(WINDOW, ""))[0] if window is None else window
+    name = window_kinds(os.environ.get(WINDOW, ""))[0] if window is None else window
     _KNOWN.add(name)
     if name:
         os.environ[WINDOW] = name
@@ -49,13 +49,19 @@ def assume_window(window: str | None = None) -> str:
     return name
 
 
+def forget_windows() -> None:
+    """Forget the tested and assumed kinds of window; the next picture then needs a test."""
+    _KNOWN.clear()
+    _draws.cache_clear()
+
+
 def require_rendering() -> None:
     """Raise DsfabError with the packages to install if this machine cannot draw. Each kind of window is tested once.
     The variable VTK_DEFAULT_OPENGL_WINDOW is set to a kind that works, if VTK needs it."""
     chosen = _window_choice()
     while _PROBES:
         _PROBES.pop().join()
-    working = next((name for name in _candidates(chosen) if name in _KNOWN or _draws(name)), None)
+    working = next((name for name in window_kinds(chosen) if name in _KNOWN or _draws(name)), None)
     if working is None:
         raise DsfabError(_advice_text(chosen))
     if working:
@@ -78,7 +84,7 @@ def why_no_pictures() -> str:
     return ""
 
 
-def _candidates(chosen: str) -> tuple[str, ...]:
+def window_kinds(chosen: str) -> tuple[str, ...]:
     """Return kinds of window to try, best first; "" lets VTK choose: Cocoa, Win32, or X11 with a screen."""
     if chosen:
         return (chosen,)
@@ -91,15 +97,12 @@ def _candidates(chosen: str) -> tuple[str, ...]:
 @cache
 def _draws(name: str) -> bool:
     environment = {**os.environ, WINDOW: name} if name else dict(os.environ)
+    command = [sys.executable, "-P", "-c", PROBE]
     try:
-        answer = subprocess.run(_command(), env=environment, capture_output=True, timeout=SECONDS, check=False)
+        answer = subprocess.run(command, env=environment, capture_output=True, timeout=SECONDS, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return False
     return answer.returncode == 0
-
-
-def _command() -> list[str]:
-    return [sys.executable, "-P", "-c", PROBE]
 
 
 _ADVICE = {

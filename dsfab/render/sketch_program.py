@@ -46,10 +46,11 @@ def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = N
     from dsfab.render.previewer import Previewer
 
     with Previewer(what, **options) as previewer:
-        write_png(previewer.picture(size, _caption(previewer, options["show"]), ROUGH), path, effort=1)
+        write_png(previewer.picture(size, sketch_caption(previewer, options["show"]), ROUGH), path, effort=1)
 
 
-def _caption(previewer: "Previewer", show: str) -> str:
+def sketch_caption(previewer: "Previewer", show: str) -> str:
+    """Return the caption of a first picture of `show`."""
     from dsfab.render.colouring import WHOLE_SHEET
 
     words = previewer.words or (show.replace("_", " ") if show in WHOLE_SHEET else "")

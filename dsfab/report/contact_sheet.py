@@ -108,7 +108,7 @@ def _paste_tile(
     number, font = f"{tile.number:03}", ImageFont.load_default(size=17)
     base = y + high + 30
     draw.text((x + wide - 2, base), number, fill=grey, font=font, anchor="rs")
-    draw.text((x + 2, base), _label(tile, wide - 50, font), fill=palette.text, font=font, anchor="ls")
+    draw.text((x + 2, base), tile_label(tile, wide - 50, font), fill=palette.text, font=font, anchor="ls")
 
 
 def _mixed_colour(start: tuple[int, int, int], end: tuple[int, int, int], share: float) -> tuple[int, int, int]:
@@ -116,7 +116,8 @@ def _mixed_colour(start: tuple[int, int, int], end: tuple[int, int, int], share:
     return r, g, b
 
 
-def _label(tile: ContactTile, room: float, font: Any) -> str:
+def tile_label(tile: ContactTile, room: float, font: Any) -> str:
+    """Return the label of a tile, with names shortened until it fits into `room` (pixels)."""
     labels = (tile.label(letters) for letters in (None, 6, 5, 4, 3, 2, 1))
     return next((text for text in labels if font.getlength(text) <= room), _shortened(tile.label(1), room, font))
 

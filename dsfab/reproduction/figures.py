@@ -119,7 +119,7 @@ def _load_transfer(rendition: Rendition) -> tuple[str, tuple[str, ...]]:
         return f"it cannot be built: {rendition.refused}", ()
     slicing, notes = rendition.design.slicing, rendition.design.notes
     share = slicing.sheet.surface.area / rendition.design.surface.area
-    text = f"{share:.0%} of the surface is kept, in {_count(len(slicing.pieces))}; {_supports_text(slicing.pieces)}"
+    text = f"{share:.0%} of the surface is kept, in {_count(len(slicing.pieces))}; {supports_text(slicing.pieces)}"
     return text, tuple(f"{note.stage}: {note.text}" for note in notes)
 
 
@@ -127,7 +127,8 @@ def _count(pieces: int) -> str:
     return "one piece" if pieces == 1 else f"{pieces} pieces"
 
 
-def _supports_text(pieces: Sequence[Piece]) -> str:
+def supports_text(pieces: Sequence[Piece]) -> str:
+    """Describe through how many pieces the loads reach the supports."""
     loaded = [piece for piece in pieces if piece.loaded]
     if not loaded:
         lost = sum(not piece.held for piece in pieces)

@@ -69,7 +69,7 @@ def compare_cuts(surface: Surface, families: Sequence[StripedField], rounds: int
         cuts.append(UpsampledCut(number, sheet.surface.m, int(crowded.sum()), _wrong_share(surface, families, value)))
         if not crowded.any() or surface.m > 200_000:
             break
-        surface, families = _divide(surface, families, crowded)
+        surface, families = division(surface, families, crowded)
     return CutComparison(tuple(cuts), exact.surface.m)
 
 
@@ -87,8 +87,8 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
     return count
 
 
-def _divide(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
-    """Divide crowded triangles into four, and their neighbours into two or three, so that all edges still match."""
+def division(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
+    """Divide crowded (m,) triangles into four, and neighbours into two or three, so that all edges still match."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True

@@ -28,7 +28,7 @@ POINTS = np.concatenate([np.full((3, 3), (1 - x) / 2) + (3 * x - 1) / 2 * np.eye
 """Barycentric coordinates of six quadrature points, exact for degree 4 [Dunavant 1985]. `SHARES` has their weights."""
 
 
-def _airy_stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floats:
+def airy_stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floats:
     """Return coefficients (6 monomials, 3, k) of the stresses (xx, yy, xy) = (phi_yy, phi_xx, -phi_xy) [Airy 1863]."""
     coefficients = np.zeros((len(MONOMIALS), 3, len(functions)))
     for k, function in enumerate(functions):
@@ -43,7 +43,7 @@ def _airy_stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floa
     return coefficients
 
 
-STRESSES = _airy_stresses(AIRY)
+STRESSES = airy_stresses(AIRY)
 
 
 def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:

@@ -183,11 +183,11 @@ def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesig
             return FixedDesign(design, measured, _differences(original, design.preset))
         for check in measured.failed_checks:
             _refuse_unfixable(check)
-        changes = _changes(design, measured) | (_fewer_stripes(design, measured) if turn >= ATTEMPTS // 2 else {})
+        changes = _changes(design, measured) | (fewer_stripes(design, measured) if turn >= ATTEMPTS // 2 else {})
         try:
             design = revise(design, with_overrides(design.preset, changes), progress)
         except PatternError:  # wider stripes may not fit into the requested share
-            design = revise(design, with_overrides(design.preset, _fewer_stripes(design, measured)), progress)
+            design = revise(design, with_overrides(design.preset, fewer_stripes(design, measured)), progress)
         measured = fabrication(design)
     if measured.failed_checks:
         failed = measured.failed_checks
@@ -227,7 +227,8 @@ def _changes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
     return changes
 
 
-def _fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
+def fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
+    """Return values of the preset, by dotted key, for stripes farther apart, so that members become wide enough."""
     short = min((c.value[0] / c.limit[0] for c in measured.failed_checks if c.name == "min_member"), default=COARSER)
     return spacing_changes(design, 1 / min(max(short, COARSEST), COARSER))
 

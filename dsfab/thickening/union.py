@@ -128,7 +128,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
             return None
         label = cut
         colour, D = _patch_colours(label, clashes), corners * share[surface.F][:, :, None]
-        parts = [_part(surface, D, overlap, skin) for overlap in overlaps(surface, colour, clashes)]
+        parts = [prism_part(surface, D, overlap, skin) for overlap in overlaps(surface, colour, clashes)]
         meeting, around = (np.concatenate([getattr(part, key) for part in parts]) for key in ("found", "around"))
         if not len(meeting) or (round_ and not len(thin) and _stuck(meeting, around, label).all()):
             break
@@ -205,7 +205,7 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
     return np.asarray(colour[patch_of_face])
 
 
-class _Part(NamedTuple):
+class PrismPart(NamedTuple):
     """A closed mesh V (n, 3), F (m, 3).
     found  : (k, 2) pairs of sheet faces whose prisms meet.
     around : (k,) mask of the pairs with a common vertex."""
@@ -216,7 +216,7 @@ class _Part(NamedTuple):
     around: Bools
 
 
-def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _Part:
+def prism_part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> PrismPart:
     """Return the closed mesh over the faces of a part. Patches that touch in a vertex get separate copies of it."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
@@ -227,7 +227,7 @@ def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _P
     skin = Skin.from_surface(sheet, like.shift, like.single)
     V, S = skin.vertices(sheet.V, D), skin.faces(skin.shorter_diagonals(sheet.V, D))
     face_pairs = skin.sources()[intersecting_pairs(V, S)]
-    return _Part(V, S, faces[face_pairs], _touching(F[face_pairs]))
+    return PrismPart(V, S, faces[face_pairs], _touching(F[face_pairs]))
 
 
 def _union(parts: list[tuple[Floats, Ints]]) -> tuple[Floats, Ints] | None:

@@ -99,15 +99,15 @@ def test_a_structure_that_does_not_carry_is_written_and_ends_with_5(capsys, tmp_
 
 def test_quick_files_are_in_the_folder_before_a_slow_one_begins(monkeypatch, capsys, tmp_path):
     folder, seen = tmp_path / "o", []
-    real = saving._write_format
+    real = saving.write
 
-    def write_format(design, build_folder, suffix, progress):
-        if suffix == "step":
+    def write(thing, path, **options):
+        if path.suffix == ".step":
             seen.append(sorted(path.name for path in folder.iterdir()))
             raise KeyboardInterrupt
-        return real(design, build_folder, suffix, progress)
+        return real(thing, path, **options)
 
-    monkeypatch.setattr(saving, "_write_format", write_format)
+    monkeypatch.setattr(saving, "write", write)
     code, _, err = run(capsys, "build", DOME_MODES, *COARSE, "-f", "step,stl", "--no-picture", "-o", str(folder))
     assert code == ExitCode.INTERRUPTED
     assert "no file is half written" in err

@@ -17,6 +17,8 @@ import dsfab
 from dsfab.app import bench as bench_module
 from dsfab.app.check import Expected
 from dsfab.app.cli import main
+from dsfab.app.options import Source
+from dsfab.core.errors import PresetError
 from dsfab.core.toml_files import shipped_presets
 from dsfab.export import FORMATS
 from dsfab.preset.file import load_preset
@@ -137,8 +139,8 @@ def test_inspect_lists_sizes_in_several_units_if_a_file_names_no_unit(capsys, tm
 
 
 def test_inspect_reads_a_file_once_and_explains_why_it_is_no_manifold(capsys, tmp_path, monkeypatch):
-    read, one = [], mesh_files._POLYGONS[".obj"]
-    monkeypatch.setitem(mesh_files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))
+    read, one = [], mesh_files.readable
+    monkeypatch.setattr(mesh_files, "readable", lambda *given: read.append(given) or one(*given))
     file = tmp_path / "fan.obj"
     file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 -1 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n")
     code, out, _ = run(capsys, "inspect", str(file))
@@ -508,9 +510,13 @@ def test_a_folder_named_like_a_preset_shadows_nothing(capsys, tmp_path, monkeypa
     assert (tmp_path / "outputs" / "dome" / "dome.ply").is_file()
     assert not (tmp_path / "dome" / "dome.ply").exists()
     assert load_preset("dome").name == "dome"
-    monkeypatch.setattr("dsfab.app.listing._measured_facts", lambda name, source, picture: {"made of": name})
-    monkeypatch.setattr("dsfab.app.listing.fabrication_lines", lambda built: [str(built)])
-    assert run(capsys, "inspect", "dome")[1].strip() == "{'made of': 'dome'}"
+
+    def asked(source, name, **_):
+        raise PresetError(f"asked for {name}")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Source, "read_preset", asked)
+        assert "asked for dome" in refused(capsys, "inspect", "dome")
     assert "no design.json" in refused(capsys, "inspect", "./dome")
     assert "preset.toml is not valid TOML" in refused(capsys, "export", "./dome", "--to", "stl")
     assert "unknown key nothing" in refused(capsys, "sweep", "dome", "--vary", "nothing=1,2")

@@ -68,9 +68,14 @@ def test_resuming_computes_missing_rows_and_rows_with_other_options(compared, mo
 
 
 def test_two_presets_of_one_name_do_not_overwrite_each_other(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(compare, "compare_one", lambda *_, **__: 0)
     found = {"verdict": "pass", "reason": "", "mass_kg": 1.0, "area_fraction": 0.5, "compliance_J": 1.0, "bound": 0.01}
-    monkeypatch.setattr(compare, "_row_of_folder", lambda folder: {**found, "ratio_to_full": 2.0, "seconds": 1.0})
+    row = {"name": "design", "volume": None, **found, "ratio_to_full": 2.0, "seconds": 1.0}
+
+    def compared_in_no_time(preset, task, folder, *_, **__):
+        folder.mkdir(exist_ok=True)
+        (folder / "results.json").write_text(json.dumps({"competitors": [row]}), encoding="utf-8")
+
+    monkeypatch.setattr(compare, "compare_one", compared_in_no_time)
     assert main(["compare", "cantilever", "cantilever", "-o", str(tmp_path), "--json"]) == 4
     first, second = json.loads(capsys.readouterr().out)
     assert (first["verdict"], first["error"]) == ("pass", "")

@@ -18,7 +18,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.design import design as stages
 from dsfab.preset.file import load_preset, parse_override, preset_toml
 from dsfab.render.lettering import PAPER
-from dsfab.report.contact_sheet import ContactTile, _label, column_count, contact_page, contact_sheet
+from dsfab.report.contact_sheet import ContactTile, column_count, contact_page, contact_sheet, tile_label
 from dsfab.study.variations import (
     combinations,
     expected_seconds,
@@ -465,9 +465,9 @@ def test_a_narrow_label_shortens_names_before_values():
     tile = ContactTile(1, (("major.frequency", "5.143"), ("minor.frequency", "11")), "dsfab build", None)
     font = ImageFont.load_default(size=17)
     for room in (500, 330, 230, 170):
-        text = _label(tile, room, font)
+        text = tile_label(tile, room, font)
         assert "5.143" in text
         assert text.endswith(" 11")
         assert font.getlength(text) <= room
-    assert _label(tile, 500, font) == "major.frequency 5.143   minor.frequency 11"
-    assert _label(tile, 50, font).endswith("...")
+    assert tile_label(tile, 500, font) == "major.frequency 5.143   minor.frequency 11"
+    assert tile_label(tile, 50, font).endswith("...")

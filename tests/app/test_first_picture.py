@@ -22,7 +22,7 @@ from dsfab.preset.file import load_preset
 from dsfab.render import opengl
 from dsfab.render.light import ROUGH
 from dsfab.render.previewer import Previewer
-from dsfab.render.sketch_program import _caption
+from dsfab.render.sketch_program import sketch_caption
 from tests.presets import DOME_MODES
 
 STRIPES = {"surface.edge": 1.0, "pattern.method": "stripes", "pattern.major.spacing": 2.0, "pattern.minor.spacing": 2.0}
@@ -97,11 +97,10 @@ def test_a_rough_picture_is_as_large_and_about_as_light():
 
 
 @pytest.fixture
-def drawn_apart(monkeypatch):
-    """Programs that draw in no time, asked with the path alone; what is known of windows is forgotten at the end."""
+def drawn_apart(monkeypatch, untested_windows):
+    """Programs that draw in no time, asked with the path alone."""
     only_the_path = SimpleNamespace(dumps=lambda request, protocol: pickle.dumps([str(request[1])]))
     monkeypatch.setattr(first_picture, "pickle", only_the_path)
-    monkeypatch.setattr(opengl, "_KNOWN", set())
     monkeypatch.setenv(opengl.WINDOW, "another")
     return lambda program: monkeypatch.setattr(first_picture, "PROGRAM", program)
 
@@ -146,7 +145,7 @@ def test_the_finished_structure_is_drawn_by_the_same_process(drawn_apart, tmp_pa
         assert path.exists() == sketched
         assert first.draw_structure("anything", path)
         assert path.read_text() == str(int(sketched))
-        first._process.wait()  # it has ended, and nothing reads what it is asked
+        first.process.wait()  # it has ended, and nothing reads what it is asked
         assert not first.draw_structure("anything", tmp_path / "b.png")
         assert first.finish() is None
     assert list(tmp_path.iterdir()) == [path]
@@ -156,8 +155,10 @@ APART = """
 import sys
 from dsfab.app.cli import main
 from dsfab.render import opengl
+tested, run = [], opengl.subprocess.run
+opengl.subprocess.run = lambda command, **how: tested.append(opengl.PROBE in command) or run(command, **how)
 code = main(sys.argv[1:])
-print(code, "vtkmodules" in sys.modules, opengl._draws.cache_info().misses)
+print(code, "vtkmodules" in sys.modules, sum(tested))
 """
 
 
@@ -202,7 +203,8 @@ def test_a_process_that_cannot_draw_says_nothing(drawn_apart, monkeypatch, tmp_p
         first.draw(None, tmp_path / "a.png", (160, 120), {})
         first.finish()
     assert told == []
-    assert set() == opengl._KNOWN
+    monkeypatch.setattr(opengl, "PROBE", "raise SystemExit(1)")
+    assert "cannot be drawn" in opengl.why_no_pictures(), "nothing is known of the window"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -218,7 +220,14 @@ def test_the_final_picture_is_the_same_with_and_without_a_first_picture(monkeypa
     assert main([*asked, str(tmp_path / "calm.png")]) == 0
     monkeypatch.setattr(Reporter, "is_watched", True)
     seen, path = [], tmp_path / "watched.png"
-    monkeypatch.setattr(preview, "_draw", lambda *a, draw=preview._draw: (seen.append(path.read_bytes()), draw(*a)))
+    report = Reporter.__call__
+
+    def reported(self, stage, doing):
+        if doing == f"drawing {path.name}":
+            seen.append(path.read_bytes())
+        report(self, stage, doing)
+
+    monkeypatch.setattr(Reporter, "__call__", reported)
     assert main([*asked, str(path)]) == 0
     calm = (tmp_path / "calm.png").read_bytes()
     assert seen[0][:4] == calm[:4]
@@ -244,4 +253,4 @@ def test_the_final_picture_is_the_same_with_and_without_a_first_picture(monkeypa
 )
 def test_the_caption_of_the_first_picture_names_its_accuracy(show, width, said):
     preset = load_preset(DOME_MODES, {"pattern.width": width})
-    assert _caption(SimpleNamespace(preset=preset, words=""), show) == f"dome_modes - {said}"
+    assert sketch_caption(SimpleNamespace(preset=preset, words=""), show) == f"dome_modes - {said}"

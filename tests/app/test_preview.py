@@ -150,7 +150,7 @@ def test_a_few_arrows_stand_for_the_sum_of_hundreds_of_loads() -> None:
     surface = dome(span=12.0, rise=4.0, oculus=0.0, edge=0.3)
     load = weighed(surface, low(surface))
     free = ~load.supported
-    pulls = marks._gathered_forces(surface.V, load.force, free, marks.SPREAD_LOAD_SPACING, 1.0, surface.size)
+    pulls = marks.gathered_forces(surface.V, load.force, free, marks.SPREAD_LOAD_SPACING, 1.0, surface.size)
     assert free.sum() > 1000
     assert 8 < len(pulls.at) <= marks.SPREAD_LOAD_SPACING.most
     np.testing.assert_allclose(pulls.pull.sum(axis=0), load.force[free].sum(axis=0), rtol=1e-9, atol=1e-6)
@@ -422,18 +422,16 @@ def test_nothing_to_draw_is_refused() -> None:
 
 
 @pytest.fixture
-def asked_anew(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+def asked_anew(monkeypatch: pytest.MonkeyPatch, untested_windows: None) -> pytest.MonkeyPatch:
     """A process that has not asked yet and has no VTK_DEFAULT_OPENGL_WINDOW; what it sets is forgotten."""
     monkeypatch.setenv(opengl.WINDOW, "")
-    opengl._draws.cache_clear()
-    yield monkeypatch
-    opengl._draws.cache_clear()
+    return monkeypatch
 
 
 @pytest.mark.parametrize("crash", ["import os; os.abort()", "raise SystemExit(3)"])
 def test_a_machine_without_opengl_names_the_packages_to_install(asked_anew: pytest.MonkeyPatch, crash: str) -> None:
     asked_anew.setattr(sys, "platform", "linux")
-    asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", crash])
+    asked_anew.setattr(opengl, "PROBE", crash)
     with pytest.raises(DsfabError, match="libegl1 and libgl1-mesa-dri") as caught:
         picture(*SHAPES["slab"](), look=Look(SIZE))
     assert str(caught.value).count(".") == 0  # one sentence
@@ -443,11 +441,11 @@ def test_a_machine_without_opengl_names_the_packages_to_install(asked_anew: pyte
 
 def test_a_probe_that_hangs_or_cannot_start_is_a_failure(asked_anew: pytest.MonkeyPatch) -> None:
     asked_anew.setattr(opengl, "SECONDS", 0.2)
-    asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", "import time; time.sleep(60)"])
+    asked_anew.setattr(opengl, "PROBE", "import time; time.sleep(60)")
     with pytest.raises(DsfabError, match="cannot be drawn"):
         opengl.require_rendering()
-    opengl._draws.cache_clear()
-    asked_anew.setattr(opengl, "_command", lambda: ["no-such-program"])
+    opengl.forget_windows()
+    asked_anew.setattr(sys, "executable", "no-such-program")
     with pytest.raises(DsfabError, match="cannot be drawn"):
         opengl.require_rendering()
 
@@ -462,7 +460,7 @@ def test_windows_are_tried_once_and_the_working_window_is_kept(asked_anew: pytes
     )
     asked_anew.setattr(sys, "platform", "linux")
     asked_anew.delenv("DISPLAY", raising=False)
-    asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", only_osmesa])
+    asked_anew.setattr(opengl, "PROBE", only_osmesa)
     opengl.probe_ahead()
     opengl.probe_ahead()
     opengl.require_rendering()
@@ -473,15 +471,15 @@ def test_windows_are_tried_once_and_the_working_window_is_kept(asked_anew: pytes
 
 def test_a_screen_and_other_systems_keep_the_window_of_vtk(asked_anew: pytest.MonkeyPatch) -> None:
     asked_anew.setattr(sys, "platform", "darwin")
-    assert opengl._candidates("") == ("",)
+    assert opengl.window_kinds("") == ("",)
     asked_anew.setattr(sys, "platform", "linux")
     asked_anew.setenv("DISPLAY", ":0")
-    assert opengl._candidates("")[0] == ""
-    assert opengl._candidates("vtkEGLRenderWindow") == ("vtkEGLRenderWindow",)  # a user's word is kept
+    assert opengl.window_kinds("")[0] == ""
+    assert opengl.window_kinds("vtkEGLRenderWindow") == ("vtkEGLRenderWindow",)  # a user's word is kept
 
 
 def test_a_window_chosen_by_the_user_that_fails_is_named(asked_anew: pytest.MonkeyPatch) -> None:
     asked_anew.setenv(opengl.WINDOW, "vtkNoSuchWindow")
-    asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", "raise SystemExit(1)"])
+    asked_anew.setattr(opengl, "PROBE", "raise SystemExit(1)")
     with pytest.raises(DsfabError, match="vtkNoSuchWindow"):
         opengl.require_rendering()

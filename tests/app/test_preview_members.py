@@ -9,7 +9,7 @@ from PIL import Image
 from dsfab.app.cli import main
 from dsfab.preset.file import load_preset
 from dsfab.render.lettering import PAPER, Nameplate, place_names, with_names
-from dsfab.render.members import _plates, members_picture
+from dsfab.render.members import members_picture, nameplates
 from tests.designs import sliced
 
 SIZE = (480, 360)
@@ -83,7 +83,7 @@ def test_each_member_has_a_nameplate_with_visible_places(vault):
     stage = set_stage(body, named_side(surface.V, up, "iso"), up, 0.0, Annotations(layers=()), PAPER, SIZE)
     nothing = np.full((2 * SIZE[1], 2 * SIZE[0]), np.inf)
     ink = dict.fromkeys(graph.by_id, PAPER.text)
-    plates = list(_plates(graph, stage, nothing, (SIZE, ink, PAPER)))
+    plates = list(nameplates(graph, stage, nothing, (SIZE, ink, PAPER)))
     assert [plate.text for plate in plates] == [member.id for member in graph.members]
     for plate in plates:
         assert plate.visible.all()

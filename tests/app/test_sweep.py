@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from dsfab.app import sweep as command
 from dsfab.app.cli import main
 from dsfab.app.options import Source
 from dsfab.app.sweep_options import vary_tables, with_options
@@ -33,7 +32,7 @@ CHEAP = ("--metric", "kept_share,pieces", "--keep", "nothing")
 def here(tmp_path, monkeypatch):
     """A folder of one's own; runs are made in this process, which is quicker than to begin others."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(command, "_workers", lambda found, draw, workers, scheduler: Hands(found.job(draw), count=1))
+    monkeypatch.setattr("dsfab.study.sweeps.workers.LocalWorkers", lambda job, workers: Hands(job, count=1))
     return tmp_path
 
 
@@ -101,9 +100,9 @@ def test_the_folder_goes_on_and_can_be_extended(here, capsys):
 
 def test_missing_runs_are_listed_and_give_exit_code_3(here, capsys, monkeypatch):
     def crew(fate):
-        return lambda found, draw, workers, scheduler: Hands(found.job(draw), count=1, fate=fate)
+        return lambda job, workers: Hands(job, count=1, fate=fate)
 
-    monkeypatch.setattr(command, "_workers", crew(deadly(2, 4)))
+    monkeypatch.setattr("dsfab.study.sweeps.workers.LocalWorkers", crew(deadly(2, 4)))
     code, out, err = run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-o", "s")
     assert code == 3
     assert "4 runs: 2 done, 0 failed, 2 killed" in out
@@ -111,7 +110,7 @@ def test_missing_runs_are_listed_and_give_exit_code_3(here, capsys, monkeypatch)
     last = "dsfab: 2 of 4 runs are missing (killed: 2, 4); `dsfab sweep s` tries again"
     assert err.splitlines()[-1] == last
     assert run(capsys, "s", "--retry", "failed")[0] == 3, "the killed ones are still missing"
-    monkeypatch.setattr(command, "_workers", crew(deadly()))
+    monkeypatch.setattr("dsfab.study.sweeps.workers.LocalWorkers", crew(deadly()))
     code, out, err = run(capsys, "s")
     assert (code, "4 runs: 4 done, 0 failed\n" in out, "missing" in err) == (0, True, False)
 

@@ -31,13 +31,13 @@ def accepted(imbalance: float, residual: float) -> bool:
 def test_report_and_solver_accept_the_same_residuals(imbalance, residual, passes):
     case = SimpleNamespace(imbalance=imbalance, residual=residual)
     found = SimpleNamespace(judgement=SimpleNamespace(cases={"load": case}, check=None))
-    assert (Findings._balance_check(found).status == "pass") == accepted(imbalance, residual) == passes
+    assert (Findings.balance_check(found).status == "pass") == accepted(imbalance, residual) == passes
 
 
 @pytest.mark.parametrize(("facets", "mark"), [(0.17, "pass"), (0.24, "note")])
 def test_a_report_notes_flat_faces_that_are_too_coarse_for_a_curved_surface(facets, mark):
     found = SimpleNamespace(judgement=SimpleNamespace(check=SimpleNamespace(facets=facets)))
-    assert Findings._facet_check(found).status == mark
+    assert Findings.facet_check(found).status == mark
 
 
 @pytest.mark.parametrize(("measure", "passes"), [(1000.8, True), (1001.25, False), (998.75, False)])

@@ -1,6 +1,7 @@
 """The sparse solvers: every step of the ladder against a dense factorisation, and how the ladder chooses."""
 
 import importlib.util
+import sys
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from dsfab.core.sparse import (
     one_blas_thread,
 )
 from dsfab.core.sparse.cholesky import Fronts, Multifrontal, dissection_keys, point_graph
-from dsfab.core.sparse.libraries import ConvergenceError, Pardiso, SuperLU, _release
+from dsfab.core.sparse.libraries import ConvergenceError, Pardiso, SuperLU
 from dsfab.statics import Elements, bending_stiffness, membrane_stiffness
 from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.statics.factorisation import stiffness_factor
@@ -191,15 +192,17 @@ def test_pardiso_solves_with_the_thread_count_of_the_factorisation(alone, monkey
     monkeypatch.setattr("dsfab.core.sparse.libraries.ALONE", alone)
     K, points, node = system(ZOO["saddle"]())
     solve = factorise(K, points, node, "PARDISO")
-    library, call, seen = solve._solver.libmkl, solve._solver._mkl_pardiso, []
-    solve._solver._mkl_pardiso = lambda *given: (seen.append(library.MKL_Get_Max_Threads()), call(*given))
-    cholesky._pools.cache_clear()  # PARDISO's library may have been loaded since the last look
+    solver, seen = pytest.importorskip("pypardiso").PyPardisoSolver, []
+    call, library = solver._call_pardiso, solver().libmkl
+    count = library.MKL_Get_Max_Threads
+    monkeypatch.setattr(solver, "_call_pardiso", lambda *given: seen.append(count()) or call(*given))
+    cholesky.blas_pools.cache_clear()  # PARDISO's library may have been loaded since the last look
     solve(np.ones(K.shape[0]))
     with one_blas_thread():
-        assert library.MKL_Get_Max_Threads() == 1
+        assert count() == 1
         solve(np.ones(K.shape[0]))
         solve.refactor(K)
-    assert seen == 3 * [1 if alone else library.MKL_Get_Max_Threads()]
+    assert seen == 3 * [1 if alone else count()]
 
 
 @pytest.mark.parametrize(("unknowns", "is_small"), [(9_000, True), (16_000, False)])
@@ -310,7 +313,7 @@ def test_pivots_are_read_unless_the_matrix_is_known_to_be_definite():
 def test_a_small_factor_gives_no_memory_back(monkeypatch):
     """It takes longer than the factor; after a large one it is done."""
     asked = []
-    monkeypatch.setattr(cholesky, "_malloc_trim", lambda: asked.append)
+    monkeypatch.setattr(cholesky, "malloc_trim", lambda: asked.append)
     require("PARDISO")
     Pardiso(system(grid(2, 2, 1.0, 1.0))[0])
     assert asked == []
@@ -320,15 +323,17 @@ def test_a_small_factor_gives_no_memory_back(monkeypatch):
     assert asked == [0]
 
 
-def test_memory_that_pardiso_does_not_give_back_is_no_traceback():
+def test_memory_that_pardiso_does_not_give_back_is_no_traceback(monkeypatch):
     """As after Ctrl-C between its phases."""
     wrapper = pytest.importorskip("pypardiso.pardiso_wrapper", reason="the optional solver is not installed")
-    asked = []
+    asked, told = [], []
 
-    class Interrupted:
-        def free_memory(self, everything):
-            asked.append(everything)
-            raise wrapper.PyPardisoError(-2)
+    def interrupted(self, everything):
+        asked.append(everything)
+        raise wrapper.PyPardisoError(-2)
 
-    _release(Interrupted())
-    assert asked == [True]
+    solver = Pardiso(system(grid(2, 2, 1.0, 1.0))[0])
+    monkeypatch.setattr(wrapper.PyPardisoSolver, "free_memory", interrupted)
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    del solver
+    assert (asked, told) == ([True], [])

@@ -14,7 +14,7 @@ from dsfab.results import Attempt
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.judges import quick
 from tests.benchmarks import against_simp
-from tests.designs import sliced
+from tests.designs import sliced, untried
 from tests.presets import DOME_MODES
 
 pytestmark = pytest.mark.slow
@@ -99,7 +99,8 @@ def spaced(found, asked, monkeypatch, crowded=True):
     """Presets of the ways at other distances, by name, none of which is drawn."""
     even = SimpleNamespace(wanted=((np.ones(1),), ()) if crowded else ((), ()))
     monkeypatch.setattr(method_search, "even_stripes", lambda *_: even)
-    monkeypatch.setattr(method_search, "_with_worth", lambda way, _given, _log: way)
+    monkeypatch.setattr(method_search, "Trial", untried)
+    monkeypatch.setattr(method_search, "stressed_step", untried)
     best = method_search.MethodCandidate(asked, Attempt(found, 1.0, 1.0, 0.5), None, even)
     given = dsfab.design.Design.from_preset(asked).analysis
     return {way.attempt.name: way.preset for way in method_search.respaced_candidates(asked, [best], given, Log(None))}
@@ -158,7 +159,8 @@ def test_a_resolved_preset_on_modes_loads_for_any_forces(monkeypatch):
     asked = dsfab.load_preset(
         "cantilever", {"surface.edge": 0.2, "pattern.method": "auto", "pattern.forces": "optimal"}
     )
-    monkeypatch.setattr(method_search, "_with_worth", lambda way, _given, _log: way)
+    monkeypatch.setattr(method_search, "Trial", untried)
+    monkeypatch.setattr(method_search, "stressed_step", untried)
     (way, *_) = method_search.method_candidates(
         asked, dsfab.design.Design.from_preset(asked).analysis, Log(None), "modes", halve=True
     )

@@ -11,6 +11,7 @@ from dsfab.design.even_stripes import even_stripes, same_stripes
 from dsfab.design.pattern_stage import direction_change, drawn_share, statics_with_weight_share
 from dsfab.surface import Surface
 from tests.benchmarks.weight_rounds import compliance, plain
+from tests.designs import untried
 
 COARSE = {"surface.edge": 1.2, "pattern.minor.spacing": 1.6, "pattern.fillet": 0.0}
 
@@ -135,7 +136,8 @@ def test_weight_rounds_have_no_effect_on_modes_and_give_a_note(vault):
 def test_auto_tries_each_method_without_weight_rounds(vault, monkeypatch):
     """What is settled makes the same design again, whichever width was the best."""
     asked = vault.preset.with_pattern(method="auto", weight_rounds=1)
-    monkeypatch.setattr(method_search, "_with_worth", lambda way, _given, _log: way)
+    monkeypatch.setattr(method_search, "Trial", untried)
+    monkeypatch.setattr(method_search, "stressed_step", untried)
     (way, *_) = method_search.method_candidates(asked, vault.analysis, Log(None), "stripes", halve=True)
     assert way.preset.pattern.weight_rounds == 0
     assert np.array_equal(way.even.phases[1].value, vault.pattern.even.phases[1].value)

@@ -124,10 +124,10 @@ def test_chords_are_round_but_not_walls_over_a_bent_mesh():
 def test_an_arc_is_no_line_with_a_border_between_members():
     net, points = corner_net((-215, -37))  # straight on from the arc's last chord
     chains = {k: sampled(points[chain.points]) for k, chain in net.chains.items()}
-    turn = partial(patch_sides._turn, chains, 5.0)
+    turn = partial(patch_sides.chain_turn, chains, 5.0)
     side = [Quad(1, ([(4, False), (2, True)], [(3, True)], [(6, True)], []))]
-    assert patch_sides._links(net, side, turn, {1, 2}).keys().isdisjoint({(2, 0), (4, 0)})
-    assert patch_sides._links(net, side, turn, set())[2, 0] == (4, 0)
+    assert patch_sides.line_links(net, side, turn, {1, 2}).keys().isdisjoint({(2, 0), (4, 0)})
+    assert patch_sides.line_links(net, side, turn, set())[2, 0] == (4, 0)
 
 
 @pytest.mark.parametrize(("far", "moves"), [((-200, -20), True), ((-200, 34), False)])

@@ -202,7 +202,7 @@ def test_a_failed_last_step_leaves_the_older_file(tmp_path, monkeypatch):
 
 
 def test_impossible_targets_are_refused_before_the_work(tmp_path, monkeypatch):
-    monkeypatch.setattr(formats, "_put", lambda *_: pytest.fail("the work was begun"))
+    monkeypatch.setattr(formats, "write_chunks", lambda *_: pytest.fail("the work was begun"))
     (tmp_path / "folder.step").mkdir()
     for name, said in (("folder.step", "a folder has that name"), ("missing/a.step", "the folder does not exist")):
         with pytest.raises(ExportError, match=said):

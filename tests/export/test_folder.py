@@ -120,7 +120,7 @@ def test_a_replaced_folder_keeps_its_permissions_and_a_new_folder_has_the_defaul
 
 @LINUX
 def test_a_file_that_is_saved_during_the_exchange_is_not_lost(tmp_path, monkeypatch):
-    place, exchange = tmp_path / "out", folders._exchange
+    place, exchange = tmp_path / "out", folders.exchange_folders
     delivered(place, OLD)
     (place / "notes.txt").write_text("first")
 
@@ -130,12 +130,12 @@ def test_a_file_that_is_saved_during_the_exchange_is_not_lost(tmp_path, monkeypa
         os.replace(place / "saved", place / "notes.txt")
         return exchange(one, other)
 
-    monkeypatch.setattr(folders, "_exchange", meanwhile)
+    monkeypatch.setattr(folders, "exchange_folders", meanwhile)
     delivered(place, NEW)
     assert held(place) == {**NEW, "late.txt": "late", "notes.txt": "second"}
 
 
-@pytest.mark.parametrize("able", ["_link", "_exchange"])
+@pytest.mark.parametrize("able", ["link_files", "exchange_folders"])
 def test_a_journal_replaces_links_and_exchange_where_the_system_lacks_them(place, monkeypatch, able):
     monkeypatch.setattr(folders, able, lambda *_: False)
     delivered(place, NEW)

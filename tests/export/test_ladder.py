@@ -18,7 +18,7 @@ from dsfab.export.cad.step import file as step
 from dsfab.export.cad.step import file_size, soundness, strategies
 from dsfab.export.cad.step.by_members import build as network_build
 from dsfab.export.cad.step.by_members.build import MemberFile, NotByMembersError
-from dsfab.export.cad.step.by_members.draft import ManyFacesError, MemberDraft, _require_few
+from dsfab.export.cad.step.by_members.draft import ManyFacesError, MemberDraft, require_few_faces
 from dsfab.export.cad.step.file_size import BudgetError
 from dsfab.export.cad.step.flat_sheets import NotFlatError
 from dsfab.export.cad.step.smooth import build
@@ -111,14 +111,14 @@ def test_members_too_many_to_be_tried_at_first_are_made_before_smooth_however_lo
                 asked.append((one.step, one.hurry))
             if asked == [("members", 1)] and many:
                 with pytest.raises(ManyFacesError, match="more than the 7000"):
-                    _require_few(one, 7001)
+                    require_few_faces(one, 7001)
         return asked[2:]
 
     many = False
     assert last() == [("smooth", 0)]
     many = True
     assert last() == [("members", strategies.MEMBER_FACES_FACTOR), ("smooth", 0)]
-    _require_few(replace(part, hurry=strategies.MEMBER_FACES_FACTOR), 7001)
+    require_few_faces(replace(part, hurry=strategies.MEMBER_FACES_FACTOR), 7001)
 
 
 def test_quick_refuses_ways_that_take_long(tmp_path, slow_vault, inspected_pieces, unread, monkeypatch):
@@ -189,8 +189,8 @@ def test_a_requested_tolerance_is_kept_even_over_the_budget(tmp_path, unread):
 
 def test_simplification_stops_if_it_does_not_help(monkeypatch):
     """One try, beyond the tolerance, that leaves twice the faces."""
-    tries, true = [], file_size._tried
-    monkeypatch.setattr(file_size, "_tried", lambda part, by: tries.append(by) or (true(part, by)[0], 1e9))
+    tries, true = [], file_size.simplification
+    monkeypatch.setattr(file_size, "simplification", lambda part, by: tries.append(by) or (true(part, by)[0], 1e9))
     part = strategies.prepare(part_of(saddle_solid(), "a", 400))
     with pytest.raises(BudgetError, match=r"about \d+ planar faces, more than step_faces = 400"):
         file_size.simplified_part(part, 4.0)
@@ -303,7 +303,7 @@ def test_by_members_the_box_of_a_file_of_any_size_decides(slow_vault):
     two = [[*low, low[0], *high[1:]], [high[0], *low[1:], *high[:2], high[2] + 300.0]]
     found = [OcctFinding(True, True, True, 4500, 1e6, 0.0, box, nothing, nothing, nothing) for box in two]
     with pytest.raises(ExportError, match="by members OCCT's box of it is 300 mm off"):
-        network_build._require_solid(part, build.SmoothPlan(part), draft, found, None)
+        network_build.require_solid(part, build.SmoothPlan(part), draft, found, None)
 
 
 def test_compact_is_smooth_and_names_the_way_that_cad_can_cut(tmp_path, slow_vault, inspected_pieces):
@@ -324,8 +324,6 @@ def test_a_file_that_cad_cannot_cut_gives_a_note_with_the_way_to_use(slow_vault)
     assert strategies.way_to_cut(striped, [few, vain]) == "write step = 'faceted'"
     assert strategies.way_to_cut(part, []) == "write step = 'faceted'"
     assert strategies.reasons([few, vain]) == ["too many faces: write step = 'members'", "invalid"]
-    assert (
-        strategies._not_by_members([NotByMembersError("by members it is off")]) == "; not by members, since it is off"
-    )
+    assert strategies.members_clause([NotByMembersError("by members it is off")]) == "; not by members, since it is off"
     assert strategies.way_to_cut(striped, [BudgetError(part, 11)]) == "raise step_faces and write step = 'members'"
     assert strategies.way_to_cut(striped, [BudgetError(part, 9)]) == "raise step_mb and write step = 'members'"

@@ -18,17 +18,17 @@ from dsfab.export import StepOptions, write
 from dsfab.export.cad.step import soundness
 from dsfab.export.cad.step.by_members import borders, draft, patch_sides
 from dsfab.export.cad.step.by_members.borders import straight_net, without_crossings
-from dsfab.export.cad.step.by_members.build import _require_solid, _RoughError, _TriangleReport
+from dsfab.export.cad.step.by_members.build import RoughError, TriangleReport, require_solid
 from dsfab.export.cad.step.by_members.curves import ChainCurve, SampledChain, curves_through, on_skins, parts_of
 from dsfab.export.cad.step.by_members.draft import ManyFacesError, NetWriter, member_draft
 from dsfab.export.cad.step.by_members.fillets import without_fillets
 from dsfab.export.cad.step.by_members.lines import ChainLine, NetLines, with_ends_on_lines
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch
 from dsfab.export.cad.step.by_members.patch_sides import SideStations, paired_shares, quad_of
-from dsfab.export.cad.step.by_members.patches import _beyond_mesh, _powers, coons, least_jacobian, patches_on_skins
-from dsfab.export.cad.step.by_members.region_division import _narrow, with_cut_ends
+from dsfab.export.cad.step.by_members.patches import coons, height_rows, least_jacobian, patch_excess, patches_on_skins
+from dsfab.export.cad.step.by_members.region_division import is_narrow_end, with_cut_ends
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, joined_outlines, net_of, without_lenses
-from dsfab.export.cad.step.by_members.trimmed import SPLIT, _surface, trimmed_face
+from dsfab.export.cad.step.by_members.trimmed import SPLIT, height_surface, trimmed_face
 from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.export.cad.step.worker import program, reports
@@ -227,10 +227,9 @@ def test_a_trimmed_face_does_not_wave_to_meet_edges_that_no_surface_meets():
     edges = np.concatenate([ring_points(turn, 600), ring_points(turn, 1200), ring_points(0, r), ring_points(np.pi, r)])
     edges[:, 2] = 0.2 * np.sign(np.sin(9 * np.arctan2(edges[:, 1], edges[:, 0])))
     inside = ring_points(np.linspace(0, np.pi, 7)[1:-1], np.array([[800.0], [1000]]))
-    poles, _, gap, _ = _surface(inside, edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
-    u, v = ((ring_points(np.linspace(0, np.pi, 61), r[:, None]) - poles[0, 0]) / (poles[-1, -1] - poles[0, 0]))[:, :2].T
-    B, C = (_powers(x, len(poles) - 1) for x in (u, v))
-    assert np.abs(np.einsum("ka,kb,ab->k", B, C, poles[..., 2])).max() < 0.5
+    poles, _, gap, _ = height_surface(inside, edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
+    uv = ((ring_points(np.linspace(0, np.pi, 61), r[:, None]) - poles[0, 0]) / (poles[-1, -1] - poles[0, 0]))[:, :2]
+    assert np.abs(height_rows(uv, len(poles) - 1) @ poles[..., 2].ravel()).max() < 0.5
     assert gap < 0.4
 
 
@@ -256,9 +255,8 @@ def test_the_gap_of_a_trimmed_face_is_found_along_a_long_edge():
 def heights_off(poles: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(k,) how far points (k, 3) are above or below a surface over a rectangle of the plan."""
     ways = (poles[[-1, 0], [0, -1]] - poles[0, 0])[:, :2]
-    u, v = (ways / (ways**2).sum(axis=1)[:, None]) @ (points - poles[0, 0])[:, :2].T
-    B, C = (_powers(x, len(poles) - 1) for x in (u, v))
-    return np.abs(np.einsum("ka,kb,ab->k", B, C, poles[..., 2]) - points[:, 2])
+    uv = (points - poles[0, 0])[:, :2] @ (ways / (ways**2).sum(axis=1)[:, None]).T
+    return np.abs(height_rows(uv, len(poles) - 1) @ poles[..., 2].ravel() - points[:, 2])
 
 
 def test_edges_that_waves_keep_from_a_surface_are_near_enough_to_be_split():
@@ -266,7 +264,7 @@ def test_edges_that_waves_keep_from_a_surface_are_near_enough_to_be_split():
     x = np.linspace(-1500, 1500, 241)
     edges = np.concatenate([np.stack(np.broadcast_arrays(x, y, 1.5 * np.sin(x / 160)), axis=1) for y in (-150, 150.0)])
     inside = np.stack(np.broadcast_arrays(x[::8], 0.0, 1.5 * np.sin(x[::8] / 160)), axis=1)
-    _, _, gap, off = _surface(inside, edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
+    _, _, gap, off = height_surface(inside, edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
     assert gap <= SPLIT
     assert off <= 1.0
 
@@ -278,7 +276,7 @@ def test_a_parabola_is_itself_however_little_of_its_square_is_a_region():
         np.stack([a, 40 * b + 0.2 * a, a**2 / 2000 + a * b], axis=2).reshape(-1, 3) for a, b in ((x, y), (x, y / 2))
     )
     edges[:, 2], inside[:, 2] = ((P[:, 0] ** 2 + P[:, 1] ** 2) / 4000 for P in (edges, inside))
-    poles, _, gap, off = _surface(inside, edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
+    poles, _, gap, off = height_surface(inside, edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
     assert max(gap, off) < 1e-3
     corners = poles[[0, 0, -1, -1], [0, -1, 0, -1]]
     np.testing.assert_allclose(corners[:, 2], (corners[:, :2] ** 2).sum(axis=1) / 4000, atol=1)
@@ -289,7 +287,7 @@ def test_the_rectangle_of_a_strip_follows_its_direction():
     strip = np.array([[x, y, 0.0] for x in np.linspace(0, 900, 46) for y in (-30, 30)])
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     edges = strip @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-    poles, *_ = _surface(edges[:2], edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
+    poles, *_ = height_surface(edges[:2], edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
     long, wide = np.linalg.norm(poles[[-1, 0], [0, -1]] - poles[0, 0], axis=1)
     assert sorted([long, wide]) == pytest.approx([62, 902], abs=1e-6)
 
@@ -346,7 +344,7 @@ def test_cubics_that_leave_the_skins_between_their_places_are_halved(wave, long,
     box, share = np.array([[-np.inf] * 3, [np.inf] * 3]), np.linspace(0, long, 4)
     poles = np.stack([share, 0 * share, 0 * share + 20, share, 0 * share, 0 * share - 20], axis=1)
     line = ChainLine([(0, True)], ChainCurve(np.array([0.0, 1]), poles[None]), np.array([0.0, 1]))
-    assert len(patch_sides.LineFits(1.0, box, box, away, True)._halve_strays([line])[0].curve.spans) == spans
+    assert len(patch_sides.LineFits(1.0, box, box, away, True).halved_strays([line])[0].curve.spans) == spans
 
 
 @pytest.mark.parametrize("near", [True, False])
@@ -362,9 +360,9 @@ def test_the_distance_of_patches_from_the_mesh_is_measured_at_corners_too(near):
         return np.where(points[:, :2].sum(axis=1) < 1, -1.0 if near else 1.0, -1.0)
 
     limits = replace(asked(0.01, 1.0), beyond_mesh=beyond)
-    assert _beyond_mesh([patch, patch], limits).tolist() == [-1.0 if near else 1.0] * 2
-    assert _beyond_mesh([patch], asked(0.01, 1.0)).tolist() == [-np.inf]
-    assert _beyond_mesh([], limits).shape == (0,)
+    assert patch_excess([patch, patch], limits).tolist() == [-1.0 if near else 1.0] * 2
+    assert patch_excess([patch], asked(0.01, 1.0)).tolist() == [-np.inf]
+    assert patch_excess([], limits).shape == (0,)
     assert asked_at == [2 * 98]
 
 
@@ -472,17 +470,16 @@ def test_sides_of_regions_are_looked_for_again_only_where_a_chain_is_another(mon
     chains = {k: SampledChain(np.hstack([P[chain.points], P[chain.points]]), True) for k, chain in net.chains.items()}
     for chain in chains.values():
         chain.Q[:, 5] -= 0.1
-    fits, asked = object.__new__(draft._Fits), list[int]()
-    fits.reach, fits.quads = 0.01, {}
+    cache, asked = draft.RegionQuads(0.01), list[int]()
     monkeypatch.setattr(draft, "quad_of", lambda region, *some: asked.append(region) or quad_of(region, *some))
-    (first,), others = fits._quads(net, chains)
+    (first,), others = cache.quads(net, chains)
     quad = quad_of(0, net.loops[0], chains, 0.01)
     assert (first.region, first.sides, others) == (0, quad.sides, [1])
-    assert fits._quads(net, chains)[0][0] is first
+    assert cache.quads(net, chains)[0][0] is first
     assert asked == [0, 1]
-    fits._quads(net, chains | {1: replace(chains[1])})
+    cache.quads(net, chains | {1: replace(chains[1])})
     assert asked == [0, 1, 0]
-    fits._quads(replace(net, loops=net.loops | {1: [[(4, False)]]}), chains)
+    cache.quads(replace(net, loops=net.loops | {1: [[(4, False)]]}), chains)
     assert asked == [0, 1, 0, 0, 1], "chain 1 is the old one again, and the other region has another outline"
 
 
@@ -519,7 +516,8 @@ def test_a_crossing_that_one_surface_does_not_fit_is_written_as_patches(monkeypa
     angle, x = np.arctan2(*given.centroids.T[[2, 1]]) / (np.pi / 2), given.centroids[:, 0]
     part, _, _ = draft_of(given, striped(given, label=((angle > 0.5) * (1 + (x > 0.5))).astype(np.int64)))
     monkeypatch.setattr("dsfab.export.cad.step.by_members.model.MOST_CELLS", 0)
-    monkeypatch.setattr(draft, "_close", lambda face, plan: near)
+    for name in ("SPLIT", "OUTLINE_SHARE"):
+        monkeypatch.setattr(draft, name, np.inf if near else -np.inf)
     made = member_draft(part, SolidPlan(part))
     assert (made.trimmed, made.faces) == (trimmed, 2 * 3 + 6)
 
@@ -531,13 +529,13 @@ def test_an_outline_is_looked_at_again_where_a_line_has_moved():
     curves = {k: ChainCurve(np.array([0.0, 1]), np.linspace(*both, 4)[None]) for k, both in ends.items()}
     lines = [ChainLine([(k, True)], curve, np.array([0.0, 1])) for k, curve in curves.items()]
     model = NetModel(trimmed=dict(net.loops))
-    known = draft._outlines(net, NetLines(net, lines), model)
-    assert draft._changed_regions({}, known) == [0, 1]
+    known = draft.outline_poles(net, NetLines(net, lines), model)
+    assert draft.changed_regions({}, known) == [0, 1]
     for k, seen in ((0, [0]), (5, [0, 1])):
         bent = replace(lines[k], curve=ChainCurve(np.array([0.0, 1]), lines[k].curve.spans + 0.1))
         moved = NetLines(net, [*lines[:k], bent, *lines[k + 1 :]])
-        assert draft._changed_regions(known, draft._outlines(net, moved, model)) == seen
-    assert draft._changed_regions(known, known) == []
+        assert draft.changed_regions(known, draft.outline_poles(net, moved, model)) == seen
+    assert draft.changed_regions(known, known) == []
 
 
 @pytest.mark.parametrize(
@@ -590,7 +588,7 @@ def test_an_end_that_turns_back_or_has_no_width_stays_with_its_member(middle, st
     P = np.array([[0, 1.0, 0], [middle, 0.5, 0], [0, 0, 0]])
     chains = {k: Chain(np.array([k, k + 1]), 0, VOID) for k in range(2)}
     net = ChainNet(csr_array(eye_array(3)), chains, {}, frozenset(), np.zeros(0, dtype=np.int64))
-    assert _narrow(net, [(0, True), (1, True)], P, 0.05, np.array([0, 0, 4.0])) is stays
+    assert is_narrow_end(net, [(0, True), (1, True)], P, 0.05, np.array([0, 0, 4.0])) is stays
 
 
 def rounded_grid(surface: Surface) -> StripedSheet:
@@ -664,7 +662,7 @@ def test_chords_of_a_straightened_chain_are_near_it(sag):
     """A quarter of a circle of 1 m."""
     h = 4 / 3 * np.tan(np.pi / 8)
     arc = Spline(np.repeat([0.0, 1], 4), 1e3 * np.array([[1, 0, 0], [1, h, 0], [h, 1, 0], [0, 1, 0]]), 3)
-    P = arc(np.linspace(0, 1, borders._points(arc, sag)))
+    P = arc(np.linspace(0, 1, borders.point_count(arc, sag)))
     off = 1e3 - np.linalg.norm((P[1:] + P[:-1]) / 2, axis=1).min()
     assert sag / 4 < off < 1.1 * sag
 
@@ -677,7 +675,7 @@ def test_lines_are_as_far_off_as_the_mesh_allows_but_not_so_far_that_a_slit_clos
     net = ChainNet(csr_array(eye_array(4)), net_chains, {}, frozenset(), np.zeros(0, dtype=np.int64))
     ends = {k: P[chain.points] for k, chain in net_chains.items()}
     chains = {k: SampledChain(np.array([[*a, 1, *a, -1], [*b, 1, *b, -1]]), True, 0.3) for k, (a, b) in ends.items()}
-    assert patch_sides._tolerances(net, chains, 2.0) == pytest.approx(dict.fromkeys(range(4), within))
+    assert patch_sides.chain_tolerances(net, chains, 2.0) == pytest.approx(dict.fromkeys(range(4), within))
 
 
 def two_squares(bulge: float, corner: bool = False) -> tuple[ChainNet, dict[int, ChainCurve]]:
@@ -803,17 +801,17 @@ def test_members_of_which_occt_draws_no_solid_are_refused(inspected_pieces):
     assert [one["valid"] for one in inspected_pieces] == [True]
     (mesh,) = seen
     assert mesh.solids == 1
-    *away, shape = _require_solid(part, made_of, made, found, [_TriangleReport.from_mesh(mesh, made_of.gate)])
+    *away, shape = require_solid(part, made_of, made, found, [TriangleReport.from_mesh(mesh, made_of.gate)])
     assert max(away) < made_of.limits.distance
     assert shape == mesh.shape
     turned = replace(mesh, F=np.concatenate([mesh.F[:1, ::-1], mesh.F[1:]]))
-    with pytest.raises(_RoughError, match="3 edges have triangles that face opposite sides where OCCT draws it"):
-        _require_solid(part, made_of, made, found, [_TriangleReport.from_mesh(turned, made_of.gate)])
-    with pytest.raises(_RoughError, match="no triangles of a face"):
-        _require_solid(part, made_of, made, found, [])
-    with pytest.raises(_RoughError, match="OCCT finds the solid by members invalid"):  # one more is made, then
-        _require_solid(
-            part, made_of, made, [replace(found[0], valid=False)], [_TriangleReport.from_mesh(mesh, made_of.gate)]
+    with pytest.raises(RoughError, match="3 edges have triangles that face opposite sides where OCCT draws it"):
+        require_solid(part, made_of, made, found, [TriangleReport.from_mesh(turned, made_of.gate)])
+    with pytest.raises(RoughError, match="no triangles of a face"):
+        require_solid(part, made_of, made, found, [])
+    with pytest.raises(RoughError, match="OCCT finds the solid by members invalid"):  # one more is made, then
+        require_solid(
+            part, made_of, made, [replace(found[0], valid=False)], [TriangleReport.from_mesh(mesh, made_of.gate)]
         )
 
 

@@ -215,7 +215,7 @@ def test_occt_rounds_more_corners_of_an_opening_whose_seams_go_on(tmp_path, monk
         (path := tmp_path / "chevron.step").write_text(member_draft(part, SolidPlan(part)).text)
         shape = read_shape(path)
         assert is_valid(shape)
-        found.append(use._fillet_counts(shape))
+        found.append(use.fillet_counts(shape))
         monkeypatch.setattr(draft, "with_long_seams", lambda model, faces: (model, faces, {}))
     assert [tried for _, tried in found] == [12, 12]
     assert found[0][0] >= 10 > found[1][0] + 2
@@ -229,7 +229,7 @@ def test_occt_reads_seams_with_their_places_on_faces_and_rounds_the_corner(given
     shape, text = read(model, seams, tmp_path)
     assert sum("=PCURVE(" in entity for entity in text) == 2 * sum(len(seam.on) for seam in seams.values())
     assert is_valid(shape)
-    good, tried = use._fillet_counts(shape)
+    good, tried = use.fillet_counts(shape)
     assert good == tried > 4
 
 
@@ -238,7 +238,7 @@ def test_occt_keeps_a_long_seam_if_the_walls_beside_it_have_parameters(tmp_path)
     """It puts the end of one to the end of the other, if they are .1 um apart, and drops what is beyond."""
     model, _ = with_ordered_walls(dish(BENT, [4, 3, 0, 5], [4, 3, 0, 5], False, 20.0, (37, 36)), [])
     model, _, seams = with_long_seams(model, [])
-    both = [use._fillet_counts(read(model, some, tmp_path)[0]) for some in (seams, {0: seams[0]})]
+    both = [use.fillet_counts(read(model, some, tmp_path)[0]) for some in (seams, {0: seams[0]})]
     assert both[0] == (6, 6)
     assert both[1][0] < both[1][1] == 6
 

@@ -7,7 +7,7 @@ import pytest
 
 from dsfab.export.cad.step.by_members import draft
 from dsfab.export.cad.step.by_members.draft import member_draft
-from dsfab.export.cad.step.by_members.fillet_edges import CLEAR_EDGE, LONGEST_SHARE, _stops, with_ordered_walls
+from dsfab.export.cad.step.by_members.fillet_edges import CLEAR_EDGE, LONGEST_SHARE, edge_stops, with_ordered_walls
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch, NetWall
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.cad.step.shared.plan import SolidPlan
@@ -96,9 +96,9 @@ def test_long_edges_are_cut_near_their_end_corners(size):
 def test_fillets_of_asked_radius_take_a_share_of_edges_that_occt_finds(turn):
     """An eighth of the thickness, or 10 mm, of a sheet of 150; with 1.4 % it found the wrong end."""
     poles, half = flat_model(30 * THICK * SQUARE / 100)[0].edges[0].poles, np.tan(np.radians(turn / 2))
-    (at,) = _stops(poles, None, (0.0, half), (False, True))
+    (at,) = edge_stops(poles, None, (0.0, half), (False, True))
     assert 0.015 < half / 15 / (30 * (1 - at)) < 0.05
-    assert _stops(poles, None, (0.0, half), (False, False)) == []
+    assert edge_stops(poles, None, (0.0, half), (False, False)) == []
 
 
 def test_an_edge_is_cut_at_its_largest_distance_from_the_trimmed_face():
@@ -134,7 +134,7 @@ def test_a_gap_may_be_widest_at_the_corner_or_where_an_edge_is_cut(outer, inner,
     poles = poles + 0.01 * np.outer(outer, np.eye(6)[2]) + 0.01 * np.outer(inner, np.eye(6)[5])
     flat = np.array([[[x, y, 20.0] for y in (-1, 101)] for x in (-1, 101)])
     face = TrimmedFace([], flat, flat - [0, 0, 40], (np.eye(3), np.eye(3)), 0.01, 0.0)
-    assert _stops(poles, face, (1.0, 0.0), (False, False)) == pytest.approx(at, abs=1 / 128)
+    assert edge_stops(poles, face, (1.0, 0.0), (False, False)) == pytest.approx(at, abs=1 / 128)
 
 
 def ball_grid() -> tuple[Surface, object]:
@@ -155,7 +155,7 @@ def test_occt_rounds_all_corners_of_openings_in_a_sphere(tmp_path, monkeypatch):
     part, _, _ = draft_of(surface, sheet)
     (path := tmp_path / "grid.step").write_text(member_draft(part, SolidPlan(part)).text)
     monkeypatch.setattr(use, "FILLETS", 20)
-    assert use._fillet_counts(read(path)) == (20, 20)
+    assert use.fillet_counts(read(path)) == (20, 20)
     monkeypatch.setattr(draft, "with_ordered_walls", lambda model, faces: (model, faces))
     path.write_text(member_draft(part, SolidPlan(part)).text)
-    assert use._fillet_counts(read(path))[0] < 12
+    assert use.fillet_counts(read(path))[0] < 12

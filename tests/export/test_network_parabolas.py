@@ -14,10 +14,10 @@ from dsfab.export.cad.step.by_members.curves import (
     fewest_poles,
     patches_as_parabolas,
 )
-from dsfab.export.cad.step.by_members.draft import NetWriter, _wanted_gap, member_draft
+from dsfab.export.cad.step.by_members.draft import NetWriter, member_draft, wanted_gap
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch
 from dsfab.export.cad.step.by_members.patches import FaceLimits, coons
-from dsfab.export.cad.step.by_members.trimmed import _surface
+from dsfab.export.cad.step.by_members.trimmed import height_surface
 from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.export.splines import bernstein
@@ -157,7 +157,7 @@ def test_a_trimmed_face_with_quadric_edges_is_a_quadric(bend, degree):
     edges = np.concatenate([point(t, -one), point(one, t), point(-t, one), point(-one, -t)])
     u, v = np.meshgrid(t[5:-5:5], t[5:-5:5])
     inside = point(u.ravel(), v.ravel())
-    poles, _, gap, _ = _surface(inside, edges, np.zeros((0, 3)), np.eye(3), FaceLimits(0.01, 3.0, ANYWHERE))
+    poles, _, gap, _ = height_surface(inside, edges, np.zeros((0, 3)), np.eye(3), FaceLimits(0.01, 3.0, ANYWHERE))
     assert len(poles) - 1 == degree
     assert gap <= 0.01
 
@@ -170,10 +170,10 @@ def test_a_quadric_with_far_poles_is_written_with_the_poles_of_a_cubic():
     for flatter, count in ((1, 4), (10, 3)):
         given = edges / [1, 1, flatter]
         inside = np.array([[0, 0, 0], [200, 0, -4 / flatter]])
-        poles, *_ = _surface(inside, given, np.zeros((0, 3)), np.eye(3), FaceLimits(0.01, 3.0, ANYWHERE))
+        poles, *_ = height_surface(inside, given, np.zeros((0, 3)), np.eye(3), FaceLimits(0.01, 3.0, ANYWHERE))
         assert len(poles) == count
         assert poles[..., 2].max() < 18
 
 
 def test_gaps_are_narrow_enough_at_a_hundredth_of_a_millimetre_but_in_thin_sheets():
-    assert [_wanted_gap(t) for t in (60.0, 16.0, 3.0)] == pytest.approx([0.015, 0.01, 0.002])
+    assert [wanted_gap(t) for t in (60.0, 16.0, 3.0)] == pytest.approx([0.015, 0.01, 0.002])

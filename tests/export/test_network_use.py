@@ -6,15 +6,14 @@ import pytest
 from dsfab.core.errors import ExportError
 from dsfab.export.cad.step import soundness
 from dsfab.export.cad.step.by_members import build
-from dsfab.export.cad.step.worker.shapes import compound
+from dsfab.export.cad.step.worker.shapes import compound, gauss_kronrod_volume
 from dsfab.export.cad.step.worker.use import (
     ALONE_LIMIT,
     INVALID,
     TOGETHER_LIMIT,
     VolumeErrors,
-    _thickness_edges,
-    _volume,
-    _volume_errors,
+    thickness_edges,
+    volume_errors,
 )
 
 SIDE = 100.0
@@ -54,7 +53,7 @@ def test_sections_may_have_gaps_and_skins_may_not(section, skin, sound):
     """Around each cube's own middle a section's missing area counts with half a side for a height, over the volume of
     both; around one point it does not count at all."""
     whole = 2 * SIDE**3
-    missed = _volume_errors(halves(section, skin), whole)
+    missed = volume_errors(halves(section, skin), whole)
     assert missed.alone == pytest.approx(section / 6 + skin / 12, rel=1e-3, abs=1e-12)
     assert (missed.fault == 0) == sound
     if 0 < section < 1e-3:
@@ -64,14 +63,14 @@ def test_sections_may_have_gaps_and_skins_may_not(section, skin, sound):
 
 
 def test_of_halves_that_are_not_valid_nothing_is_measured():
-    assert _volume_errors([], 1.0) is INVALID
+    assert volume_errors([], 1.0) is INVALID
     assert INVALID.fault == 1
     assert VolumeErrors(ALONE_LIMIT, TOGETHER_LIMIT).fault == 0
     assert VolumeErrors(ALONE_LIMIT, 2 * TOGETHER_LIMIT).fault == 2 * TOGETHER_LIMIT
 
 
 def test_cubes_beside_each_other_are_one_volume():
-    assert _volume(compound(halves(0.0))) == pytest.approx(2 * SIDE**3, rel=1e-9)
+    assert gauss_kronrod_volume(compound(halves(0.0)), 1e-6) == pytest.approx(2 * SIDE**3, rel=1e-9)
 
 
 def test_short_pieces_of_a_rim_do_not_count_as_edges_across_the_sheet():
@@ -85,7 +84,7 @@ def test_short_pieces_of_a_rim_do_not_count_as_edges_across_the_sheet():
         outline.Add(gp_Pnt(x, y, 0))
     outline.Close()
     plate = BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(outline.Wire()).Face(), gp_Vec(0, 0, 60)).Shape()
-    assert [length for _, length in _thickness_edges(plate)] == pytest.approx([60] * 4)
+    assert [length for _, length in thickness_edges(plate)] == pytest.approx([60] * 4)
 
 
 @pytest.mark.parametrize(
@@ -101,7 +100,7 @@ def test_a_cut_that_misses_volume_is_not_said_to_be_invalid(said, words):
     usual = {"plain": 1.0, "volume": 1.0, "valid": True, "sound": 2, "boxed": True, "closed": True, "again": True}
     usual |= {"missed": [0.0], "box_missed": 0.0}
     with pytest.raises(ExportError, match=words):
-        build._require_use(usual | said)
+        build.require_use(usual | said)
 
 
 def test_a_trial_cut_reports_the_volume_that_its_halves_miss(tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsfab.core.limits import DEFLECTION
-from dsfab.export.cad.step.by_members import trimmed, trimmed_division
+from dsfab.export.cad.step.by_members import trimmed_division
 from dsfab.export.cad.step.by_members.model import NetModel, NetPatch, NetWall
 from dsfab.export.cad.step.by_members.patches import FaceLimits
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, trimmed_face
@@ -82,8 +82,8 @@ def test_a_part_may_have_a_wider_gap_where_no_edge_could_be_split_before(monkeyp
     model, loop = folded_model(HALVES, 1)
     face = replace(trimmed_face(model, [loop], np.zeros((0, 6)), LIMITS), gap=gap * SPLIT, off=5.0)
     some = [replace(face, gap=share * SPLIT, off=0.5, loops=[each]) for share, each in ((1.2, loop), (0.1, loop))]
-    monkeypatch.setattr(trimmed_division._FaceDivision, "_faces", lambda *given: some)
-    two = trimmed_division._FaceDivision(model, np.zeros_like, LIMITS)._divide_in_two(face, np.zeros((0, 6)))
+    monkeypatch.setattr(trimmed_division.FaceDivision, "part_faces", lambda *given: some)
+    two = trimmed_division.FaceDivision(model, np.zeros_like, LIMITS).two_parts(face, np.zeros((0, 6)))
     assert (len(two) or 1) == parts
 
 
@@ -134,8 +134,8 @@ def test_a_region_that_strays_from_the_mesh_is_divided_on_request(monkeypatch, m
 def test_further_seams_are_tried_if_the_usual_seams_fail(monkeypatch, mesh, tried):
     model, loop = folded_model(HALVES, 1)
     limits, nothing, times = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6)), list[int]()
-    work = trimmed_division._FaceDivision(model, np.zeros_like, limits)
-    monkeypatch.setattr(work, "_divide_in_two", lambda *given: times.append(work.times) or [])
+    work = trimmed_division.FaceDivision(model, np.zeros_like, limits)
+    monkeypatch.setattr(work, "two_parts", lambda *given: times.append(work.times) or [])
     face = replace(trimmed_face(model, [loop], nothing, limits), gap=9 * SPLIT)
     assert len(work.parts(face, nothing)) == 1
     assert sum(times) == tried
@@ -146,16 +146,16 @@ def test_of_many_seams_the_best_is_taken_and_else_the_first_that_helps(monkeypat
     model, loop = folded_model(HALVES, 1)
     edges, work, nothing = (
         len(model.edges),
-        trimmed_division._FaceDivision(model, np.zeros_like, LIMITS),
+        trimmed_division.FaceDivision(model, np.zeros_like, LIMITS),
         np.zeros((0, 6)),
     )
     work.times, face = times, replace(trimmed_face(model, [loop], nothing, LIMITS), gap=9 * SPLIT)
     shares = {1: 0.8, 2: 0.3, 3: 0.5}
     seams = [((0, 2 * k), np.full((1, 4, 6), k)) for k in shares]
-    monkeypatch.setattr(work, "_seams", lambda *given: seams)
+    monkeypatch.setattr(work, "seams", lambda *given: seams)
     by_seam = lambda *given: [replace(face, gap=shares[int(model.edges[-1].poles[0, 0])] * SPLIT)] * 2  # noqa: E731
-    monkeypatch.setattr(work, "_faces", by_seam)
-    assert [part.gap / SPLIT for part in work._divide_in_two(face, nothing)] == pytest.approx([gap, gap])
+    monkeypatch.setattr(work, "part_faces", by_seam)
+    assert [part.gap / SPLIT for part in work.two_parts(face, nothing)] == pytest.approx([gap, gap])
     assert len(model.edges) == edges + 1, "those of no other seam are left"
 
 
@@ -163,14 +163,14 @@ def test_an_edge_that_a_neighbour_halved_is_not_halved_again(monkeypatch):
     """A cow's nostril had two faces beside a seam, each with halves of its own of it, and OCCT read an open shell."""
     model, loop = folded_model(HALVES, 1)
     work, nothing, seen = (
-        trimmed_division._FaceDivision(model, np.zeros_like, LIMITS),
+        trimmed_division.FaceDivision(model, np.zeros_like, LIMITS),
         np.zeros((0, 6)),
         list[HalvedOutline](),
     )
     face = trimmed_face(model, [loop], nothing, LIMITS)
-    work._halve(1)
-    monkeypatch.setattr(work, "_seams", lambda outline, points: seen.append(outline) or [])
-    assert work._divide_in_two(face, nothing) == []
+    work.halve(1)
+    monkeypatch.setattr(work, "seams", lambda outline, points: seen.append(outline) or [])
+    assert work.two_parts(face, nothing) == []
     assert len(seen[0].poles) == 2 * (len(loop) + 1)
 
 
@@ -183,7 +183,7 @@ def test_seams_follow_the_mesh_on_request():
     model, loop = folded_model(HALVES, 1)
     outline, nothing, through = HalvedOutline.from_loop(model, loop), np.zeros((0, 6)), list[bool]()
     for mesh in (None, off_mesh):
-        seams = trimmed_division._FaceDivision(model, np.zeros_like, replace(LIMITS, beyond_mesh=mesh))._seams(
+        seams = trimmed_division.FaceDivision(model, np.zeros_like, replace(LIMITS, beyond_mesh=mesh)).seams(
             outline, nothing
         )
         points = [(bernstein(np.linspace(0, 1, 99)) @ poles).reshape(-1, 3) for _, poles in seams]
@@ -200,13 +200,19 @@ def test_the_worst_misfit_stops_at_the_first_outline_that_is_too_far(monkeypatch
     waves = np.sin(np.arange(len(plan)) / 2)
     flat, waved = (np.column_stack([plan, z + 20, plan, z - 20]) for z in (0 * waves, waves))
     asked_of, inside = list[int](), np.array([[150, 150, 20, 150, 150, -20.0]])
-    given = trimmed._misfit
-    monkeypatch.setattr(trimmed, "_misfit", lambda *some: asked_of.append(1) or given(*some))
-    worst = trimmed_division._worst_misfit(inside, [flat, waved], np.inf)
+    given = trimmed_division.misfits
+
+    def counted(*some):
+        for distances in given(*some):
+            asked_of.append(1)
+            yield distances
+
+    monkeypatch.setattr(trimmed_division, "misfits", counted)
+    worst = trimmed_division.worst_misfit(inside, [flat, waved], np.inf)
     assert 0.2 < worst < 2
     assert len(asked_of) == 4
-    assert trimmed_division._worst_misfit(inside, [flat, waved], 1.01 * worst) == worst
-    assert trimmed_division._worst_misfit(inside, [waved, flat], worst / 2) == np.inf
+    assert trimmed_division.worst_misfit(inside, [flat, waved], 1.01 * worst) == worst
+    assert trimmed_division.worst_misfit(inside, [waved, flat], worst / 2) == np.inf
     assert len(asked_of) == 4 + 4 + 1
 
 
@@ -275,16 +281,16 @@ def test_a_seam_over_skins_that_wave_is_several_cubics(height, cubics):
     model, loop = flat_model(np.array(HALVES, dtype=float))
     model.vertices = [edge.poles[0] for edge in model.edges]
     away, edges = to_waves(height), len(model.edges)
-    work = trimmed_division._FaceDivision(model, away, LIMITS)
+    work = trimmed_division.FaceDivision(model, away, LIMITS)
     chord = (model.vertices[0], model.vertices[2] + np.array([0, 90.0, 0, 0, 90, 0]))
-    (seam,) = work._on_skins([chord])
+    (seam,) = work.chord_cubics([chord])
     assert seam.shape == (cubics, 4, 6)
     work.limits = replace(LIMITS, beyond_mesh=lambda points: np.ones(len(points)))  # which refuses those too far off
-    assert [one.shape for one in work._on_skins([chord])] == [(1, 4, 6)]
+    assert [one.shape for one in work.chord_cubics([chord])] == [(1, 4, 6)]
     work.limits = LIMITS
     off = np.abs(away((bernstein(np.linspace(0, 1, 9)) @ seam).reshape(-1, 6))).max()
     assert off < trimmed_division.STRAY_SHARE * LIMITS.off
-    loops = work._with_seam(loop, 4, 10, seam)
+    loops = work.seam_loops(loop, 4, 10, seam)
     assert len(model.edges) == edges + cubics
     assert len(model.vertices) == 6 + cubics - 1
     for some in loops:

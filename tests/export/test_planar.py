@@ -23,7 +23,7 @@ from dsfab.export.curves import (
     SPANS,
     Curve,
     SampledLine,
-    _SplineSystem,
+    SplineSystem,
     curves_through,
     fitted_curve,
     halves,
@@ -378,5 +378,5 @@ def test_poles_are_those_of_dense_least_squares(smooth):
         fixed[[1, -2]] = points[[0, -1]]
         free = np.c_[np.eye(8)[:, 2:-2], np.r_[0, 1.5 / 3, np.zeros(4), -2.0 / 3, 0]]
     expected = fixed + free @ np.linalg.lstsq(basis @ free, points - basis @ fixed, rcond=None)[0]
-    rows = _SplineSystem([SampledLine(points, x, 10.0, 80, smooth)], [np.unique(knots)])
+    rows = SplineSystem([SampledLine(points, x, 10.0, 80, smooth)], [np.unique(knots)])
     assert rows.poles() == pytest.approx(expected, abs=1e-9)

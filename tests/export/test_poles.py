@@ -8,8 +8,8 @@ import pytest
 from dsfab.export.cad.step.by_members.curves import ChainCurve
 from dsfab.export.cad.step.by_members.draft import member_draft
 from dsfab.export.cad.step.by_members.lines import ChainLine
-from dsfab.export.cad.step.by_members.patches import FaceLimits, PatchBuilder, _stray_distances
-from dsfab.export.cad.step.by_members.trimmed import _surface
+from dsfab.export.cad.step.by_members.patches import FaceLimits, PatchBuilder, stray_distances
+from dsfab.export.cad.step.by_members.trimmed import height_surface
 from dsfab.export.cad.step.shared.plan import SolidPlan
 from tests.export.member_networks import cylinder_strip, draft_of, striped
 
@@ -45,7 +45,7 @@ def test_patches_off_the_skins_are_found_by_their_middles():
         way[:, 5] = -2.0 * (np.abs(Q[:, 3] - 450) < 100)
         return way
 
-    assert _stray_distances([flat, second], away).tolist() == pytest.approx([0.015, 2.0])
+    assert stray_distances([flat, second], away).tolist() == pytest.approx([0.015, 2.0])
 
 
 def test_patches_are_made_anew_only_where_a_curve_around_is_another():
@@ -88,7 +88,7 @@ def test_a_region_whose_patches_are_beside_the_skins_is_trimmed(monkeypatch):
     limit = SolidPlan(part).limits.distance
     off = limit * np.array([1.0, 1.1])
     monkeypatch.setattr(
-        "dsfab.export.cad.step.by_members.patches._stray_distances", lambda patches, _: off[-len(patches) :]
+        "dsfab.export.cad.step.by_members.patches.stray_distances", lambda patches, _: off[-len(patches) :]
     )
     assert member_draft(part, SolidPlan(part)).trimmed == 2
 
@@ -108,11 +108,11 @@ def test_a_face_at_a_slanted_corner_is_over_a_parallelogram_if_a_rectangle_leave
     free = FaceLimits(1e-3, 1.0, np.array([[-np.inf] * 3, [np.inf] * 3]))
     ways = turn * way[::turn]
     along = np.stack([way[0], np.cross([0, 0, 1], way[0]), [0, 0, 1]])
-    poles, axes, gap, _ = _surface(inside, edges, ways, along, replace(free, box=box))
+    poles, axes, gap, _ = height_surface(inside, edges, ways, along, replace(free, box=box))
     assert gap < 1e-6
     assert (poles >= box[0]).all()
     assert (poles <= box[1]).all()
     u, v = poles[-1, 0] - poles[0, 0], poles[0, -1] - poles[0, 0]
     assert np.cross(u, v) @ axes[2] > 0
-    rectangle, *_ = _surface(inside, edges, ways, along, free)
+    rectangle, *_ = height_surface(inside, edges, ways, along, free)
     assert (rectangle > box[1]).any()

@@ -19,14 +19,14 @@ def program(tmp_path, text):
 def test_a_program_answers_with_its_last_line(tmp_path):
     with program(tmp_path, ECHO) as ahead:
         assert ahead.last_line("a.step", "größer", seconds=30) == "größer a.step"
-    assert ahead._run.returncode == 0
+    assert ahead.process.returncode == 0
 
 
 def test_an_unused_program_is_ended(tmp_path):
     with pytest.raises(KeyError), program(tmp_path, ECHO) as ahead:
         raise KeyError
-    assert ahead._run.returncode is not None
-    assert ahead._run.stdout.closed
+    assert ahead.process.returncode is not None
+    assert ahead.process.stdout.closed
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_a_bad_end_and_silence_are_refused(tmp_path, text, said):
 def test_one_that_does_not_end_is_ended(tmp_path):
     with program(tmp_path, "import time; time.sleep(60)") as ahead, pytest.raises(subprocess.TimeoutExpired):
         ahead.last_line("a.step", seconds=0.02)
-    assert ahead._run.returncode is not None
+    assert ahead.process.returncode is not None
 
 
 WAITS = "import json, pathlib, sys, time\n" + (
@@ -67,7 +67,7 @@ def test_background_work_is_done_during_the_wait_for_a_program(tmp_path):
 
 
 def test_a_finished_program_answers_even_after_its_time_limit(tmp_path):
-    with program(tmp_path, ECHO) as ahead, work_while_waiting(ahead._run.wait):
+    with program(tmp_path, ECHO) as ahead, work_while_waiting(ahead.process.wait):
         assert ahead.last_line("a", seconds=0.001) == "a"
 
 
@@ -129,4 +129,4 @@ def test_a_mistake_in_the_work_ends_the_program(tmp_path):
         ahead.send(str(first), str(tmp_path / "never"))
         with pytest.raises(ZeroDivisionError):
             ahead.answer_with_work(first.exists, lambda: 1 / 0, 30)
-    assert ahead._run.returncode
+    assert ahead.process.returncode

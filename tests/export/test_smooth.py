@@ -66,7 +66,7 @@ def test_the_width_of_a_loop_is_a_circles_radius_and_a_slits_width():
     slit = np.array([[0, 0, 0], [100, 0, 0], [100, 0.5, 0], [0, 0.5, 0]]) @ turn
     for line, width in ((circle, 3.0), (slit, 0.5)):
         length = np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1).sum()
-        assert sheet_outline._width(line, length) == pytest.approx(width, rel=0.01)
+        assert sheet_outline.loop_width(line, length) == pytest.approx(width, rel=0.01)
 
 
 def test_a_surface_through_a_cubic_is_that_cubic_and_finds_its_nearest_points():
@@ -124,13 +124,13 @@ def pushed(curve):
     return Spline(curve.knots, poles, curve.degree)
 
 
-honest_parts = edges._parts
+honest_parts = edges.flat_parts
 
 
 def test_a_valid_solid_whose_edge_is_displaced_is_refused_for_its_distance(tmp_path, inspected_pieces, monkeypatch):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.15)
     sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
-    monkeypatch.setattr(edges, "_parts", displaced)
+    monkeypatch.setattr(edges, "flat_parts", displaced)
     monkeypatch.setattr(build, "rebuild_until_sound", lambda *_: None)  # it would see that before OCCT is asked
     monkeypatch.setattr(build, "REFITS", 0)
     monkeypatch.setattr(build, "LAYOUTS", build.LAYOUTS[:1])
@@ -146,10 +146,10 @@ def test_curves_of_outlines_keep_their_tolerance_or_are_cut_in_two():
     nodes = OutlineNodes({}, {0: line}, {0: np.ones(9)}, [], {}, {})
     run = OutlineRun(np.arange(9), WALL, 1e6)
     asked = [edges.RunRequest(run, 0, 0)]
-    (whole,) = edges._parts(asked, nodes, edges.EdgeTolerances(60.0, 75.0, 0.0))
+    (whole,) = edges.flat_parts(asked, nodes, edges.EdgeTolerances(60.0, 75.0, 0.0))
     assert len(whole) == 1
     for distance in (3.0, 3e-4):
-        (parts,) = edges._parts(asked, nodes, edges.EdgeTolerances(60.0, distance, 0.0))
+        (parts,) = edges.flat_parts(asked, nodes, edges.EdgeTolerances(60.0, distance, 0.0))
         assert np.concatenate([part.asked.run.vertices[:-1] for part in parts]).tolist() == list(range(8))
         on = np.concatenate([part.flat(np.linspace(0, 1, 500)) for part in parts])
         away = np.abs(on[:, 1] - np.interp(on[:, 0], x, line[:, 1]))
@@ -173,8 +173,8 @@ def test_a_wall_follows_a_skin_that_waves_where_its_outline_is_straight():
     chart = SimpleNamespace(skins=SplinePatch(u, v, poles))
     line = segment_spline(np.array([0.0, 150.0]), np.array([5000.0, 150.0]))
     run = OutlineRun(np.arange(2), WALL, 1e6)
-    part = edges._RunPart(edges.RunRequest(run, 0, 0), line)
-    ((curve, off),) = edges._on_skins([part], OutlineNodes({0: chart}, {}, {}, [], {}, {}), [wanted])
+    part = edges.RunPart(edges.RunRequest(run, 0, 0), line)
+    ((curve, off),) = edges.skin_curves([part], OutlineNodes({0: chart}, {}, {}, [], {}, {}), [wanted])
     x = np.linspace(0, 1, 20_001)
     away = np.linalg.norm((curve(x) - chart.skins(line(x))).reshape(-1, 2, 3), axis=2).max()
     assert max(off, away) <= 1.05 * wanted
@@ -222,13 +222,13 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, inspected_piec
     surface = barrel_vault(2.0, 1.6, 0.5, 0.12)
     x = surface.V[:, 0]
     sheet = cut(surface, [np.abs(x) - 0.2], [np.array([0.0])]).subset()
-    honest = build._verdict
+    honest = build.piece_verdict
 
     def harsh(gate, k, piece, found, away):
         middle = np.mean([edge.upper.poles[:, 0].mean() for edge in piece.edges])
         return build.Acceptance("it is disliked") if middle > 0 else honest(gate, k, piece, found, away)
 
-    monkeypatch.setattr(build, "_verdict", harsh)
+    monkeypatch.setattr(build, "piece_verdict", harsh)
     solid, shape, said = written(surface, sheet, tmp_path / "a.step", "smooth")
     assert said == [said[0]]
     assert "1 of 2 pieces" in said[0]
@@ -245,14 +245,14 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, inspected_piec
 def test_in_a_hurry_other_layouts_are_tried_too_but_not_all(tmp_path, monkeypatch, refused):
     """A seam passed .1 mm beside an opening: four of ten surfaces got no STEP for such places in the first layout."""
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
-    honest, layouts = build._verdict, []
+    honest, layouts = build.piece_verdict, []
 
     def harsh(gate, k, piece, found, away):
         layouts.extend([gate] * (gate not in layouts))
         some = layouts.index(gate) < refused
         return build.Acceptance("it is disliked") if some else honest(gate, k, piece, found, away)
 
-    monkeypatch.setattr(build, "_verdict", harsh)
+    monkeypatch.setattr(build, "piece_verdict", harsh)
     monkeypatch.setattr(build, "LAYOUTS", ((68.0, 1, 0), (20.0, 3, 1), (20.0, 5, 2), (20.0, 7, 3)))
     _, _, said = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step", "quick")
     assert len(layouts) == min(refused + 1, 3)

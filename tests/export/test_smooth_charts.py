@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsfab.core.errors import ExportError
-from dsfab.design.output.files import _where_largest, curved_sheet
+from dsfab.design.output.files import curved_sheet, largest_fields
 from dsfab.export import StepOptions, write
 from dsfab.export.cad.step.shared.sheet_outline import WALL, sheet_of
 from dsfab.export.cad.step.shared.skins import SmoothLimits
@@ -78,7 +78,7 @@ def test_a_fit_keeps_its_tolerance_between_its_points_or_adds_points():
 
 def test_thickness_half_way_along_edges_is_that_of_the_ends():
     d = np.array([[0.0, 0, 2], [0, np.sqrt(8), np.sqrt(8)]])
-    assert np.linalg.norm(points._mean(d, np.array([[0, 1]]))) == pytest.approx(3)
+    assert np.linalg.norm(points.mean_half_vectors(d, np.array([[0, 1]]))) == pytest.approx(3)
 
 
 def test_the_chord_error_that_counts_is_that_of_the_triangle_where_a_point_is():
@@ -103,8 +103,8 @@ def test_a_face_between_three_borders_joins_a_neighbouring_chart():
     """Chart 3 is largest at no corner of face 1, nor is it near."""
     F = np.array([[0, 1, 2], [1, 3, 2]])
     fields = np.array([[1.0, 0, 0, -9], [0.6, 0.6, 0, -9], [0.6, 0, 0.6, -9], [0, 0.7, 0.5, -9]])
-    assert _where_largest(fields, F, np.array([0, 3])).tolist() == [0, 1]
-    assert _where_largest(fields, F, np.array([0, 2])).tolist() == [0, 2]
+    assert largest_fields(fields, F, np.array([0, 3])).tolist() == [0, 1]
+    assert largest_fields(fields, F, np.array([0, 2])).tolist() == [0, 2]
 
 
 def test_an_outline_that_touches_itself_is_split_at_that_vertex():
@@ -178,16 +178,16 @@ def test_a_failed_chart_of_the_only_solid_stops_the_layout(monkeypatch, middle, 
     solid = thicken(sheet.surface, sheet.carry_corners(offsets(surface, THICKNESS).at_corners(surface.F), surface.F))
     part = replace(part_of(solid, "a"), curved=partial(curved_sheet, surface, sheet, THICKNESS))
     fields = -np.abs(surface.V[:, :1] - np.linspace(0.125, 1.875, 8))
-    made, honest = list[int](), ChartAtlas._chart
+    made, honest = list[int](), ChartAtlas.chart
 
     def disliked(self, k, *how):
         made.append(k)
-        if abs(surface.V[self._best[0] == k, 0].mean() - 1.5) < 0.2:
+        if abs(surface.V[self.fields.argmax(axis=1) == k, 0].mean() - 1.5) < 0.2:
             raise ExportError("it is disliked")
         return honest(self, k, *how)
 
-    monkeypatch.setattr(ChartAtlas, "_chart", disliked)
-    monkeypatch.setattr(SmoothPlan, "_unfinished_vertices", lambda *_: np.arange(surface.n))
+    monkeypatch.setattr(ChartAtlas, "chart", disliked)
+    monkeypatch.setattr(SmoothPlan, "unfinished_vertices", lambda *_: np.arange(surface.n))
     if needed:
         with pytest.raises(ExportError, match="it is disliked"):
             SmoothPlan(part).build(fields)

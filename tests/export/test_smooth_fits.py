@@ -6,12 +6,13 @@ from scipy.interpolate import BSpline
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
 
+from dsfab.core.arrays import plane_cross
 from dsfab.export import splines
 from dsfab.export.cad.step.entities import StepEntities, step_list
 from dsfab.export.cad.step.shared.skins import prisms
-from dsfab.export.cad.step.smooth import chart_fields, charts, solid
+from dsfab.export.cad.step.smooth import chart_fields, charts
 from dsfab.export.cad.step.smooth.edges import by_chart
-from dsfab.export.cad.step.smooth.solid import SmoothModel, SmoothText
+from dsfab.export.cad.step.smooth.solid import crossing_chords
 from dsfab.export.cad.step.worker.reports import distinct_points
 from dsfab.export.splines import splines_through
 from dsfab.surface.shapes.round_shapes import sphere
@@ -70,36 +71,20 @@ def test_samples_of_a_polyline_are_even_and_their_number_is_a_power_of_two():
         assert pytest.approx(np.c_[[np.interp(x * length[-1], length, c) for c in line.T]].T) == Q
 
 
-def test_normal_equations_by_cells_are_those_of_all_points():
-    rng, p, q = np.random.default_rng(0), 7, 9
-    knots = [np.r_[[0.0] * 3, np.linspace(0, 1, n - 2), [1.0] * 3] for n in (p, q)]
-    uv, Q, weight = rng.random((400, 2)), rng.random((400, 6)), rng.random(400)
-    cells = charts._Cells.from_knots(uv, *knots)
-    band, right = cells.normal(weight, Q, p, q)
-    u, v = (BSpline.design_matrix(uv[:, k], knots[k], 3).toarray() for k in (0, 1))
-    A = np.einsum("kp,kq->kpq", u, v).reshape(-1, p * q)
-    assert right == pytest.approx(A.T @ (weight[:, None] * Q))
-    assert full(band) == pytest.approx(A.T @ (weight[:, None] * A))
-    poles = rng.random((p * q, 6))
-    assert cells.sums(poles) == pytest.approx(A @ poles)
-
-
-def full(band):
-    """The symmetric matrix of a lower band."""
-    n = band.shape[1]
-    lower = sum(np.diag(band[k, : n - k], -k) for k in range(min(len(band), n)))
-    return lower + np.tril(lower, -1).T
-
-
 @pytest.mark.parametrize(("p", "q"), [(6, 6), (6, 9), (11, 7)])
-def test_roughness_is_the_sum_of_squared_second_differences(p, q):
-    poles = np.random.default_rng(0).random((p, q))
-    differences = (np.diff(poles, 2, axis=0), np.diff(poles, 2, axis=1), np.diff(np.diff(poles, axis=0), axis=1))
-    wanted = sum(weight * (D**2).sum() for D, weight in zip(differences, (1, 1, 2), strict=True))
-    rows, rough = charts._roughness(p, q)
-    band = np.zeros((3 * q + 4, p * q))
-    band[rows] = rough
-    assert poles.ravel() @ full(band) @ poles.ravel() == pytest.approx(wanted)
+def test_poles_of_a_surface_solve_the_normal_equations_of_all_points(p, q):
+    """Among them squared second differences of the poles, so many times as many as points per pole."""
+    rng, smoothing = np.random.default_rng(0), 0.1
+    uv, Q, weight = rng.random((400, 2)), rng.random((400, 6)), rng.random(400)
+    patch, there = charts.patch_through(uv, Q, weight, (p, q), smoothing)
+    u, v = (BSpline.design_matrix(uv[:, k], knots, 3).toarray() for k, knots in enumerate((patch.u, patch.v)))
+    A, one = np.einsum("kp,kq->kpq", u, v).reshape(-1, p * q), np.eye(p * q).reshape(p, q, -1)
+    differences = (np.diff(one, 2, axis=0), np.diff(one, 2, axis=1), np.diff(np.diff(one, axis=0), axis=1))
+    rough = sum(many * np.einsum("pqi,pqj->ij", D, D) for D, many in zip(differences, (1, 1, 2), strict=True))
+    matrix = A.T @ (weight[:, None] * A) + smoothing * len(uv) / (p * q) * rough
+    poles = patch.poles.reshape(p * q, -1)
+    assert poles == pytest.approx(np.linalg.solve(matrix, A.T @ (weight[:, None] * Q)))
+    assert there == pytest.approx(A @ poles)
 
 
 def test_nearest_points_of_many_are_those_of_each():
@@ -155,7 +140,7 @@ def test_points_are_written_as_lists_are():
     rng = np.random.default_rng(0)
     P = np.concatenate([rng.normal(size=(50, 3)) * 10.0 ** rng.integers(-8, 4, (50, 1)), [[-1e-9, 100, 0.5]]])
     new = StepEntities()
-    numbers = list(SmoothText(new, SmoothModel({}, None, [], 1.0))._points(P))  # type: ignore[arg-type]
+    numbers = list(new.points(P, 5))
     wanted = [f"CARTESIAN_POINT('',{step_list(p, 5)})" for p in P]
     assert [new.text[k - numbers[0]] for k in numbers] == [
         f"#{k}={one};\n" for k, one in zip(numbers, wanted, strict=True)
@@ -182,19 +167,19 @@ def test_crossing_chords_equal_those_of_a_search_over_all_pairs():
     pairs = np.array([(i, j) for i in range(200) for j in range(i + 1, 200)]).T
     apart = [np.linalg.norm(a[pairs[0]] - b[pairs[1]], axis=1) > 0 for a in (start, end) for b in (start, end)]
     pairs = pairs[:, np.all(apart, axis=0)]
-    crossing = [
-        {tuple(sorted(pair)) for pair in np.transpose([one, two])[found].tolist()}
-        for one, two in (pairs, solid._close_chords(start, end))
-        for found in [solid._lies_across(start, end, one, two) & solid._lies_across(start, end, two, one)]
+    sides = [
+        plane_cross(end[a] - start[a], start[b] - start[a]) * plane_cross(end[a] - start[a], end[b] - start[a])
+        for a, b in (pairs, pairs[::-1])
     ]
-    assert len(crossing[0]) > 50
-    assert crossing[0] == crossing[1]
+    crossing = {tuple(pair) for pair in pairs[:, np.maximum(*sides) < 0].T.tolist()}
+    assert len(crossing) > 50
+    assert {tuple(sorted(pair)) for pair in crossing_chords(start, end).tolist()} == crossing
 
 
 def test_the_face_nearest_to_the_middle_of_each_cluster():
     surface = grid(6, 4, 3.0, 2.0)
     label = np.arange(surface.m) % 3
-    found = chart_fields._middles(surface, label)
+    found = chart_fields.middle_faces(surface, label)
     assert label[found].tolist() == [0, 1, 2]
     for k, f in enumerate(found):
         mine = label == k
@@ -206,7 +191,7 @@ def test_the_face_nearest_to_the_middle_of_each_cluster():
 def test_fields_that_did_not_move_are_those_solved_again():
     surface = sphere(edge=0.3)
     label = np.argmax(surface.centroids @ np.vstack([np.eye(3), -np.eye(3)]).T, axis=1)
-    fields = chart_fields._diffused_fields(surface, label, 1.0)
+    fields = chart_fields.diffused_fields(surface, label, 1.0)
     mass, stiffness = chart_fields.voronoi_mass(surface), -chart_fields.igl.cotmatrix(surface.V, surface.F)
     radius = np.sqrt(np.bincount(label, surface.areas) / np.pi)
     reach = chart_fields.REACH * max(np.percentile(radius, 10), 4 * surface.mean_edge)

@@ -12,7 +12,7 @@ from dsfab.core.errors import ExportError
 from dsfab.export import STEP_FACES, StepOptions, write
 from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.entities import step_string
-from dsfab.export.cad.step.planar import FLATNESS, Polyhedron, _corners, outline_of, polyhedron
+from dsfab.export.cad.step.planar import FLATNESS, Polyhedron, polyhedron
 from dsfab.export.cad.step.worker import program, reports
 from dsfab.export.mesh.soundness import solids_of, winding
 from dsfab.export.part import part_of
@@ -153,14 +153,12 @@ def test_a_finely_divided_arc_with_corners_keeps_its_vertices():
     above = np.c_[np.zeros(600, dtype=int), np.arange(1, 601), np.arange(2, 602)]
     below = np.c_[np.ones(len(rim) - 1, dtype=int), rim[:-1], rim[1:]]
     F = np.r_[above, below]
-    table = edge_table(F)
-    other = np.empty(3 * len(F), dtype=np.int64)
-    other[table.pairs], other[table.pairs[:, ::-1]] = table.pairs[:, ::-1], table.pairs
-    outline = outline_of(np.repeat([0, 1], [600, len(below)]), other)
-    assert len(outline.start) == 3
-    assert _corners(V, F, table, outline).all()
+    shell = np.zeros(len(F), dtype=np.int64)
+    shape = polyhedron(V, F, shell)
+    assert len(shape.normals) == 2
+    assert shape.points.tolist() == V.tolist()
     V[2:601] = np.linspace(V[1], V[601], 601)[1:-1]
-    assert np.flatnonzero(_corners(V, F, table, outline)).tolist() == [0, 1, 601]
+    assert polyhedron(V, F, shell).points.tolist() == V[[0, 1, 601]].tolist()
 
 
 def test_a_finely_divided_circle_without_corners_keeps_its_vertices():
@@ -170,11 +168,7 @@ def test_a_finely_divided_circle_without_corners_keeps_its_vertices():
     above = np.c_[np.zeros(2400, dtype=int), rim, np.roll(rim, -1)]
     below = np.c_[np.ones(2398, dtype=int), rim[2:], rim[1:-1]]
     F = np.r_[above, below]
-    table = edge_table(F)
-    other = np.empty(3 * len(F), dtype=np.int64)
-    other[table.pairs], other[table.pairs[:, ::-1]] = table.pairs[:, ::-1], table.pairs
-    outline = outline_of(np.repeat([0, 1], [2400, 2398]), other)
-    assert np.flatnonzero(_corners(V, F, table, outline)).tolist() == rim.tolist()
+    assert polyhedron(V, F, np.zeros(len(F), dtype=np.int64)).points.tolist() == V[rim].tolist()
 
 
 def test_two_skins_closer_than_flatness_stay_two_faces():

@@ -14,7 +14,7 @@ from dsfab.core.toml_files import shipped_presets
 from dsfab.design import Design
 from dsfab.members import member_graph
 from dsfab.members.assembly import along_structure
-from dsfab.members.components import _without_slivers
+from dsfab.members.components import without_slivers
 from dsfab.preset.file import load_preset, with_overrides
 from dsfab.results import PatternResult
 from dsfab.slicing import Sheet, cut
@@ -539,7 +539,7 @@ def test_slivers_join_their_stripe_and_corners_between_stripes_join_none():
     plate = grid(4, 1, 4.0, 1.0)
     column = plate.centroids[:, 0].astype(int)  # a sliver, stripe 1, a corner, stripe 2
     sheet = cut(plate, [plate.V[:, 0]], [[-1.0]])
-    cells = _without_slivers(sheet, np.array([0, 1, 0, 2])[column], column % 2 == 0)
+    cells = without_slivers(sheet, np.array([0, 1, 0, 2])[column], column % 2 == 0)
     assert (cells.label == np.array([1, 1, 0, 2])[column]).all()
     assert (cells.loose == (column == 2)).all()
 

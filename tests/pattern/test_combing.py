@@ -5,7 +5,7 @@ import pytest
 
 import dsfab
 from dsfab.design.directions import Steering
-from dsfab.design.even_stripes import _directions
+from dsfab.design.even_stripes import stripe_directions
 from dsfab.design.output.archive import even_arrays, even_stripes_from
 from dsfab.design.pattern_measures import pattern_chart
 from dsfab.pattern import Frames, Images, StressDirections, family_crossings
@@ -67,7 +67,7 @@ def test_crossing_principal_stresses_are_detected_before_smoothing(jitter):
     stress = np.stack([1 + np.abs(r[:, 0] - 0.3), np.ones(plate.m)], axis=1)
     given = StressDirections(stress, np.stack([np.where(inside, ray, around), np.where(inside, around, ray)], axis=1))
     frames, steer = Frames.for_surface(plate), Steering(0.0, (), None)
-    along, over = _directions(Pattern(method="stripes"), frames, given, steer, Images.identity(plate.n), 0.2)
+    along, over = stripe_directions(Pattern(method="stripes"), frames, given, steer, Images.identity(plate.n), 0.2)
     at = plate.V - [0.5, 0.5, 0]
     far = np.linalg.norm(at, axis=1)
     assert not over[far > 0.34].any()

@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_info
 
 from dsfab.core.arrays import weighted_quantile
 from dsfab.core.errors import PatternError
-from dsfab.diffusion.symmetry import _point_map, face_tree
+from dsfab.diffusion.symmetry import face_tree, point_map
 from dsfab.pattern import (
     Flow,
     Frames,
@@ -24,7 +24,7 @@ from dsfab.pattern import (
     through_peaks,
 )
 from dsfab.pattern.frames import FEW
-from dsfab.pattern.phases import _propagate, krylov_power
+from dsfab.pattern.phases import krylov_power, propagate_phases
 from dsfab.surface import Surface
 from dsfab.surface.fields import hat_gradients
 from tests.shapes import ZOO, grid, jittered, sphere, torus, zoo
@@ -114,7 +114,7 @@ def test_a_phase_that_is_symmetric_stays_under_projection_whatever_the_mesh():
     plate = jittered(grid(9, 8, 2.0, 2.0), 0.2)
     plate = Surface(plate.V - [1.0, 1.0, 0.0], plate.F)
     mirror = np.diag([-1.0, 1.0, 1.0])
-    T = _point_map(plate, face_tree(plate), plate.V @ mirror)[1]
+    T = point_map(plate, face_tree(plate), plate.V @ mirror)[1]
     images = Images(np.stack([np.eye(3), mirror]), (csr_array(eye_array(plate.n)), T))
     for angle, period in ((0.0, 1.7), (np.pi / 2, 1.7)):  # across the mirror, and along it
         g = np.tile([np.cos(angle), np.sin(angle), 0.0], (plate.n, 1)) * signs(plate.n)
@@ -131,7 +131,7 @@ def test_phases_are_read_at_images_as_by_the_blocks_of_a_matrix():
     plate = jittered(grid(7, 6, 2.0, 2.0), 0.2)
     plate = Surface(plate.V - [1.0, 1.0, 0.0], plate.F)
     mirror = np.diag([-1.0, 1.0, 1.0])
-    T = _point_map(plate, face_tree(plate), plate.V @ mirror)[1]
+    T = point_map(plate, face_tree(plate), plate.V @ mirror)[1]
     rng = np.random.default_rng(0)
     growth = rng.normal(size=(plate.n, 3)) * [1.0, 1.0, 0.0]
     x = rng.normal(size=plate.n) + 1j * rng.normal(size=plate.n)
@@ -280,7 +280,7 @@ def test_propagated_phases_equal_sums_along_the_tree():
     link = csr_array((number, (f, g)), shape=(n, n)) + csr_array((-number, (g, f)), shape=(n, n))
     order, parent = breadth_first_order(csr_array(link), int(name[0]), directed=False)
     signs_, shifts = np.ones(n), np.zeros(n)
-    _propagate(csr_array(link), order.astype(np.int64), parent.astype(np.int64), s, q, signs_, shifts)
+    propagate_phases(csr_array(link), order.astype(np.int64), parent.astype(np.int64), s, q, signs_, shifts)
     sign, shift = {int(name[0]): 1.0}, {int(name[0]): 0.0}
     for c in order[1:].tolist():
         p = int(parent[c])

@@ -11,7 +11,7 @@ import dsfab
 from dsfab import design
 from dsfab.core.errors import DsfabError, PatternError
 from dsfab.design.design import Design
-from dsfab.design.directions import _keeps_guides, keeps_orientation
+from dsfab.design.directions import keeps_guides, keeps_orientation
 from dsfab.design.even_stripes import even_stripes
 from dsfab.design.output.archive import design_lines, read_archive, write_archive
 from dsfab.design.stripe_pattern import pattern_step, stripe_stresses
@@ -234,7 +234,7 @@ def test_guides_are_compared_with_their_images():
 
     def same(*guides: Guide) -> list[list[bool]]:
         asked = Guidance.from_guides(frames, guides, 0.5)
-        return [bool(_keeps_guides(frames, symmetry_of(surface, [axis]), asked)[1]) for axis in ("x", "y")]
+        return [bool(keeps_guides(frames, symmetry_of(surface, [axis]), asked)[1]) for axis in ("x", "y")]
 
     def curve(*points: tuple[float, float]) -> Guide:
         return Guide(curve=tuple((x, y, 0.0) for x, y in points))

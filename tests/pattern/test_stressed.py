@@ -8,7 +8,7 @@ import pytest
 import dsfab
 from dsfab.core.errors import PatternError
 from dsfab.design.mode_search import StressedTrial
-from dsfab.design.stripe_pattern import _layers_with_share
+from dsfab.design.stripe_pattern import layers_with_share
 from dsfab.pattern import evened_grading
 from dsfab.study.comparison import comparison
 from tests.shapes import grid
@@ -143,7 +143,7 @@ def test_widths_far_from_closing_openings_are_rejected():
         def layers(at, closing):
             return [SimpleNamespace(at=at, closing=closing, closed=closed)]
 
-        (layer,), factor = _layers_with_share(layers, lambda _: 0.0, 2.0, lambda _: next(results))
+        (layer,), factor = layers_with_share(layers, lambda _: 0.0, 2.0, lambda _: next(results))
         return layer.at, layer.closing, factor
 
     assert reached([0.01, 0.9], True) == (1.8, 2 * 0.97, 1.8)

@@ -65,9 +65,9 @@ def test_short_lists_are_written_on_one_line(tmp_path):
     (tmp_path / "again.toml").write_text(text)
     assert preset_toml(load_preset(tmp_path / "again.toml")) == text
     odd = {"a": ['x, "]', "y\\"], "b": [[1.0, 2.0], [3.0, 4.0]], "c": [10**12] * 9, "d": []}
-    from dsfab.preset.file import _short_lists
+    from dsfab.preset.file import short_lists
 
-    written = _short_lists(tomli_w.dumps(odd))
+    written = short_lists(tomli_w.dumps(odd))
     assert tomllib.loads(written) == odd
     assert written.splitlines()[1:4] == ["b = [", "    [1.0, 2.0],", "    [3.0, 4.0],"]
     assert max(map(len, written.splitlines())) < 100

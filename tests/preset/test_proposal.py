@@ -361,11 +361,11 @@ def test_each_decision_names_the_option_that_changes_it(own):
 @pytest.mark.parametrize("unit", [None, "mm"])
 def test_a_file_is_read_and_mended_once(tmp_path, monkeypatch, unit):
     path, read, merged = tmp_path / "cap.obj", [], []
-    cap, one, two = dome(edge=1.2), mesh_files._POLYGONS[".obj"], repair.merged_vertices
+    cap, one, two = dome(edge=1.2), mesh_files.readable, repair.merged_vertices
     torn = cap.F.copy()
     torn[0, 0] = cap.n
     obj(path, Surface(np.vstack([cap.V, cap.V[cap.F[0, :1]]]), torn), 1000.0)
-    monkeypatch.setitem(mesh_files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))
+    monkeypatch.setattr(mesh_files, "readable", lambda *given: read.append(given) or one(*given))
     monkeypatch.setattr(repair, "merged_vertices", lambda *given: merged.append(given) or two(*given))
     proposal = propose(path, unit)
     assert (len(read), len(merged)) == (1, 1)

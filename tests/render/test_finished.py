@@ -93,14 +93,13 @@ def test_a_mistake_inside_ends_the_other_process(vault, tmp_path, monkeypatch, t
     monkeypatch.setattr(design_picture, "PreparedProgram", Seen)
     with pytest.raises(AttributeError), design_picture.pictures_in_background() as pictures:
         pictures.add_verdict(vault, None, tmp_path)
-    assert started[0]._run.returncode is not None
+    assert started[0].process.returncode is not None
     assert not Path(tmp_path / "preview.png").exists()
 
 
-def test_a_machine_that_cannot_draw_refuses_before_a_process_starts(monkeypatch, two_cores):
+def test_a_machine_that_cannot_draw_refuses_before_a_process_starts(monkeypatch, two_cores, untested_windows):
     monkeypatch.setattr(design_picture, "PreparedProgram", None)
-    monkeypatch.setattr(opengl, "_draws", lambda name: False)
-    monkeypatch.setattr(opengl, "_KNOWN", set())
+    monkeypatch.setattr(opengl, "PROBE", "raise SystemExit(1)")
     with pytest.raises(DsfabError, match="cannot be drawn"), design_picture.pictures_in_background():
         pass
 

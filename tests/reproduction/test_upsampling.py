@@ -44,7 +44,7 @@ def test_division_leaves_the_surface_whole():
     families = striped(plate, ACROSS, ((-0.4, 1.0), (3.0,)))
     crowded = np.arange(plate.m) % 7 == 2
     for _ in range(3):
-        plate, families = upsampling._divide(plate, families, crowded)
+        plate, families = upsampling.division(plate, families, crowded)
         crowded = np.arange(plate.m) % 5 == 1
     assert plate.area == pytest.approx(0.6, rel=1e-12)
     assert len(plate.loops) == 1  # no corner on a side

@@ -10,7 +10,7 @@ import pytest
 from dsfab.core.arrays import split_value
 from dsfab.pattern import CornerPhase, EvenFamily, Stripes, Widths
 from dsfab.slicing import chart_of, cut, halve_lines
-from dsfab.slicing.measures.chart import _group_equal_rows
+from dsfab.slicing.measures.chart import equal_row_groups
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, hat_gradients
 from tests.shapes import grid, jittered
@@ -247,7 +247,7 @@ def test_equal_rows_are_grouped_as_by_numpy_unique():
     rng = np.random.default_rng(4)
     key = rng.integers(0, 40, 300)
     rows = np.stack([rng.integers(0, 2, 300), rng.integers(0, 2, 300)], axis=1).astype(float)
-    leads, of = _group_equal_rows(key, rows)
+    leads, of = equal_row_groups(key, rows)
     _, first, inverse = np.unique(np.column_stack([key, rows]), axis=0, return_index=True, return_inverse=True)
     assert np.array_equal(leads, np.sort(first))
     assert np.array_equal(leads[of], first[inverse.ravel()])

@@ -280,7 +280,7 @@ def test_crossing_chords_of_a_step_file_are_refined_before_a_fault_is_reported(t
     export_step(Compound([tube, pin]), tmp_path / "pin.step")
     found = read_shipped(tmp_path / "pin.step", deflection=1e-3)
     assert not soundness(found.V, found.F).sound
-    assert file_check._file_soundness(found, lambda *_: None).sound == sound
+    assert file_check.file_soundness(found, lambda *_: None).sound == sound
     fault = step_fault(tmp_path / "pin.step", 1e-3)
     assert bool(re.match(r"\d+ pairs of triangles cross where OCCT draws it as triangles, at", fault)) == (not sound)
     assert bool(fault) == (not sound)

@@ -20,7 +20,7 @@ from dsfab.pattern import frequency_for
 from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.study import compare_at
 from dsfab.study.baselines import ComparisonTask
-from dsfab.study.fabrication import _fewer_stripes, fabrication
+from dsfab.study.fabrication import fabrication, fewer_stripes
 from dsfab.study.sweeps.metrics import metric_value
 from tests.presets import DOME_MODES
 
@@ -264,7 +264,7 @@ def test_a_sweep_varies_the_distance_and_measures_widths():
 
 def test_fabrication_asks_for_more_distance(dome):
     limited = dsfab.revise(dome, with_overrides(dome.preset, {"fabrication.min_member": 0.5}))
-    changes = _fewer_stripes(limited, fabrication(limited))
+    changes = fewer_stripes(limited, fabrication(limited))
     assert changes.keys() == {"pattern.major.spacing", "pattern.minor.spacing"}
     assert changes["pattern.major.spacing"] > 1.6 / 0.86
 

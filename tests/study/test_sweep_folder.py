@@ -447,7 +447,7 @@ def test_processes_give_the_results_of_threads_and_survive_a_kill(tmp_path):
 
         def kill_one(progress):
             if progress.last is not None and not killed:
-                killed.append(next(iter(crew._pids.values())))
+                killed.append(next(iter(crew.pids.values())))
                 os.kill(killed[0], signal.SIGKILL)
 
         try:

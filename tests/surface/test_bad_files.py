@@ -253,7 +253,8 @@ def test_a_comb_of_thousands_of_teeth_is_cut_and_one_with_a_bridge_to_a_hole(mon
     comb = np.array([[0, 0], [teeth, 0], *((teeth - i / 2, 9.0 if i % 2 else 1.0) for i in range(2 * teeth + 1))])
     ring = np.array([[0, 0], [9, 0], [9, 9], [0, 9], [0, 0], [3, 3], [3, 6], [6, 6], [6, 3], [3, 3]])
     asked = []
-    monkeypatch.setattr(polygon_cuts, "_earcut", lambda flat, cut=polygon_cuts._earcut: asked.append(1) or cut(flat))
+    cut = polygon_cuts.earcut_triangles
+    monkeypatch.setattr(polygon_cuts, "earcut_triangles", lambda flat: asked.append(1) or cut(flat))
     for flat, area, earcut in ((comb, teeth * 5.0, 0), (ring, 72.0, 1)):
         monkeypatch.setattr(polygon_cuts, "MANY", 8)
         T = large_polygon_triangles(np.c_[flat, np.zeros(len(flat))])
@@ -295,13 +296,13 @@ def test_polygons_of_many_corners_are_cut_in_no_time(tmp_path):
 def test_a_hundred_thousand_corners_are_cut_without_ears(tmp_path, monkeypatch):
     """Delaunay's triangles take n log n steps. To cut ears takes up to n^2."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    largest, cut = [0], polygon_cuts._earcut
+    largest, cut = [0], polygon_cuts.earcut_triangles
 
     def noted(flat):
         largest.append(len(flat))
         return cut(flat)
 
-    monkeypatch.setattr(polygon_cuts, "_earcut", noted)
+    monkeypatch.setattr(polygon_cuts, "earcut_triangles", noted)
     for file, area in polygons((20_000, 100_000), starry=False):
         assert outcome(written(file, tmp_path)).surface.area == pytest.approx(area, rel=1e-5), file.name
     assert max(largest) <= polygon_cuts.MANY

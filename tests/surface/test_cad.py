@@ -31,8 +31,8 @@ def within(monkeypatch):
     def triangles(kind, path, budget):
         return readers[kind](path)
 
-    monkeypatch.setattr(separate_process, "_triangles", triangles)
-    monkeypatch.setitem(drawings._READERS, ".3dm", read_rhino)
+    monkeypatch.setattr(separate_process, "foreign_triangles", triangles)
+    monkeypatch.setattr(drawings, "read_rhino_in_process", read_rhino)
 
 
 def rhino_mesh(V, faces):

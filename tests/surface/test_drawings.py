@@ -10,7 +10,7 @@ import pytest
 
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import ClosedCurves
-from dsfab.surface.files.drawings import SAME_PLACE, _loops, read_dxf
+from dsfab.surface.files.drawings import SAME_PLACE, closed_loops, read_dxf
 from dsfab.surface.files.reading import Content, DrawingBudget, contents
 from dsfab.surface.loads.outlines import enclosed_area
 from tests.fuzz.corpus import ENTITIES, dxf
@@ -74,7 +74,7 @@ def test_a_drawing_over_the_size_limit_is_refused_before_reading(tmp_path):
     with pytest.raises(SurfaceError, match=r"took more than 60 s; put"):
         late.require("bytes", 0)
     with pytest.raises(SurfaceError, match=r"took more than 60 s; put"):
-        list(_loops([spatial(np.array([[0, 0], [3, 0]])), spatial(np.array([[3, 0], [0, 4]]))], "here", late))
+        list(closed_loops([spatial(np.array([[0, 0], [3, 0]])), spatial(np.array([[3, 0], [0, 4]]))], "here", late))
 
 
 @pytest.mark.parametrize("name", ENTITIES)
@@ -106,15 +106,15 @@ def test_many_lines_are_joined_in_about_as_many_steps(tmp_path):
     turn = 2 * np.pi * np.arange(1501) / 1500
     P = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     lines = [P[k : k + 2][:: rng.choice((1, -1))] for k in rng.permutation(1500)]
-    (loop,) = _loops(lines, "here", DrawingBudget())
+    (loop,) = closed_loops(lines, "here", DrawingBudget())
     assert len(loop) == 1500
     assert enclosed_area(loop[:, :2]) == pytest.approx(750 * np.sin(2 * np.pi / 1500), rel=1e-9)
 
 
 def curves(*runs, far=5.0):
-    """`_loops` of runs in the plane, and of one more curve of 3 x 4, so that ends within `close` = CLOSE x 5 meet."""
+    """Closed loops of runs in the plane, and of one more curve of 3 x 4: ends within `close` = CLOSE x 5 meet."""
     box = np.array([[0, 0], [3, 0], [3, 4], [0, 4], [0, 0]]) * (far / 5.0)
-    return [loop.tolist() for loop in _loops([spatial(box), *map(spatial, runs)], "here", DrawingBudget())][1:]
+    return [loop.tolist() for loop in closed_loops([spatial(box), *map(spatial, runs)], "here", DrawingBudget())][1:]
 
 
 def spatial(run):
@@ -139,10 +139,10 @@ def test_the_diagonal_is_that_of_every_curve():
     open_ = np.array([[0, 0], [3, 0], [3, 4], [0, 100 * SAME_PLACE]])
     for there in ([400, 300], [-400, -300]):
         far = np.array([[0, 0], [0, 1], [1, 1], [0, 0]]) + there
-        found = list(_loops([spatial(open_), spatial(far)], "here", DrawingBudget()))
+        found = list(closed_loops([spatial(open_), spatial(far)], "here", DrawingBudget()))
         assert [len(loop) for loop in found] == [3, 3]
         with pytest.raises(SurfaceError, match="open"):
-            list(_loops([spatial(open_)], "here", DrawingBudget()))
+            list(closed_loops([spatial(open_)], "here", DrawingBudget()))
 
 
 def test_runs_of_many_points_are_joined_at_their_ends():

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from dsfab.core.arrays import edge_lengths
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import FIGURES, SHAPES
-from dsfab.surface.shapes.figures import _Disc, twisted_solid
+from dsfab.surface.shapes.figures import BoyChart, twisted_solid
 from dsfab.surface.shapes.implicit import (
     LevelSet,
     ball,
@@ -146,7 +146,7 @@ def test_remeshing_mends_slivers_and_keeps_a_torus_a_torus():
 
 
 def test_boys_surface_glues_opposite_points_and_has_a_threefold_axis_and_its_peak():
-    disc = _Disc(3.0)
+    disc = BoyChart(3.0)
     angle = np.linspace(0, 2 * np.pi, 50)
     rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     assert_allclose(disc.place(rim), disc.place(-rim), atol=1e-12)
@@ -159,7 +159,7 @@ def test_boys_surface_glues_opposite_points_and_has_a_threefold_axis_and_its_pea
 
 
 def test_boys_surface_is_conformal_and_stands_on_the_ground():
-    disc, small = _Disc(1.0), 1e-6
+    disc, small = BoyChart(1.0), 1e-6
     turns = ring_turns(np.array([1, 6, 12, 18]))
     angle = 2 * np.pi * np.concatenate(turns)
     X = np.stack([np.cos(angle), np.sin(angle)], axis=1) * np.repeat([0.0, 0.3, 0.6, 0.9], [1, 6, 12, 18])[:, None]

@@ -39,7 +39,7 @@ FAR = np.array([466000.1, 5247000.1, 560.1])
 def within(monkeypatch):
     """Foreign readers in this process: quicker by the second that a process takes to begin."""
     readers = {"meshes": lambda path: read_rhino_meshes(path, DrawingBudget()), "cad": read_occt}
-    monkeypatch.setattr(separate_process, "_triangles", lambda kind, path, budget: readers[kind](path))
+    monkeypatch.setattr(separate_process, "foreign_triangles", lambda kind, path, budget: readers[kind](path))
 
 
 def content(path):

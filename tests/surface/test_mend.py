@@ -10,15 +10,26 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import distances_from_segments
 from dsfab.core.errors import SurfaceError
 from dsfab.preset.file import load_preset
-from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended_mesh, nearest_places, parallel_remarks, read_surface
+from dsfab.surface import (
+    Ball,
+    Box,
+    Nearest,
+    Side,
+    Surface,
+    mended_mesh,
+    nearest_places,
+    parallel_remarks,
+    read_surface,
+    topology,
+)
 from dsfab.surface.clean import seams
 from dsfab.surface.clean.overlaps import single_sheets
 from dsfab.surface.clean.repair import WELD
-from dsfab.surface.clean.seams import SAG, _near_vertices, merged_vertices
+from dsfab.surface.clean.seams import SAG, merged_vertices, near_vertices
 from dsfab.surface.files.reader import describe
 from dsfab.surface.mesh import signed_volume
 from dsfab.surface.shapes import dome, plate, sphere
-from dsfab.surface.topology import _walks_meet_all_corners, boundary_loops, edge_table, manifold_faults, pieces, pinches
+from dsfab.surface.topology import boundary_loops, edge_table, manifold_faults, pieces, pinches
 from tests.own_meshes import figure, gyroid, voronoi_shell
 from tests.shapes import grid
 
@@ -461,7 +472,7 @@ def test_vertices_on_long_edges_are_found_in_a_crowd(open_):
     """As each vertex asked about each edge: within a length of closed loops, within a share of edges of other lines."""
     V, ends = comb(40)
     ends = ends[:-1] if open_ else ends
-    edge, vertex = _near_vertices(V, ends, 0.03)
+    edge, vertex = near_vertices(V, ends, 0.03)
     found = set(zip(edge.tolist(), vertex.tolist(), strict=True))
     a, b = V[ends].transpose(1, 0, 2)
     far = distances_from_segments(V[:, None], a, b)
@@ -476,7 +487,7 @@ def test_vertices_on_long_edges_are_found_in_a_crowd(open_):
 def test_a_comb_of_spikes_asks_about_few_vertices_an_edge():
     """Of 2 000 spikes nearly all corners are nearer to the middle of each edge than its ends are."""
     V, ends = comb(2000)
-    edge, _ = _near_vertices(V, ends, 1e-5)
+    edge, _ = near_vertices(V, ends, 1e-5)
     assert len(edge) < 50 * len(ends)
 
 
@@ -492,18 +503,20 @@ def test_a_comb_of_spikes_counts_no_crowds(monkeypatch):
 
     monkeypatch.setattr(seams, "cKDTree", Tree)
     V, ends = comb(400)
-    edge, _ = _near_vertices(V, ends, 0.02)
+    edge, _ = near_vertices(V, ends, 0.02)
     assert len(edge) > len(ends)  # so wide that the shortest pieces are asked for all that is around them
     assert sum(met) < 50 * len(ends)
 
 
-def test_walks_around_a_fan_of_thousands_are_not_gone_to_their_end():
+def test_walks_around_a_fan_of_thousands_are_not_gone_to_their_end(monkeypatch):
     """What is left of them is told by parts that hang together: there is no pinch, and with a second fan there is."""
     k = np.arange(1, 150)
     fan = np.stack([np.zeros_like(k), k, k + 1], axis=1)
     n = 1 + int(fan.max())
-    assert _walks_meet_all_corners(fan[:70], edge_table(fan[:70]), n)
-    assert not _walks_meet_all_corners(fan, edge_table(fan), n)
-    assert not len(pinches(fan, edge_table(fan), n))
+    hanging, link = [], topology.link_components
+    monkeypatch.setattr(topology, "link_components", lambda *given: hanging.append(1) or link(*given))
+    for some, asked in ((fan[:70], 0), (fan, 1)):
+        assert not len(pinches(some, edge_table(some), n))
+        assert len(hanging) == asked
     two = np.concatenate([fan, np.where(fan > 0, fan + n, 0)])
     assert pinches(two, edge_table(two), 2 * n).tolist() == [0]

@@ -13,7 +13,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import boundary_loops, euler_characteristic, pieces, pinches
 from dsfab.thickening import Solid, offsets, thicken
 from dsfab.thickening.offset_vectors import prism_jacobians, visible_normals
-from dsfab.thickening.repair import _flip_diagonals
+from dsfab.thickening.repair import repair_skin
 from dsfab.thickening.self_intersection import intersecting_pairs, pairs_after_moves
 from dsfab.thickening.skin import Skin
 from dsfab.thickening.solid import check_solid
@@ -374,9 +374,11 @@ def test_flipping_the_diagonal_of_a_wall_avoids_thinning():
     before = skin.shorter_diagonals(sheet.V, D)
     pairs = intersecting_pairs(skin.vertices(sheet.V, D), skin.faces(before))
     assert len(pairs) > 0
-    after, left = _flip_diagonals(skin, sheet.V, D, before, pairs)
-    assert len(left) == 0
-    assert (after != before).any()
+    repaired = repair_skin(sheet, skin, D)
+    assert len(repaired.pairs) == 0
+    assert repaired.found == len(pairs)
+    assert repaired.D is D
+    assert (repaired.backslash != before).any()
     solid = thicken(sheet, D)
     assert solid.notes == ()
     check_sound(solid)

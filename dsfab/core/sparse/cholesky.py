@@ -78,12 +78,13 @@ def release_freed_memory(freed: float) -> None:
     """Return freed memory to the system, because glibc keeps it while small blocks above it are in use.
 
     freed : approximate number of freed bytes. Up to `LITTLE`, and without glibc, the function does nothing."""
-    if freed > LITTLE and (trim := _malloc_trim()):
+    if freed > LITTLE and (trim := malloc_trim()):
         trim(0)
 
 
 @cache
-def _malloc_trim() -> Any:
+def malloc_trim() -> Any:
+    """Return glibc's function that gives freed memory back to the system; None without glibc."""
     return getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform.startswith("linux") else None
 
 
@@ -91,7 +92,8 @@ _BLAS_LOCK = threading.RLock()
 
 
 @cache
-def _pools() -> Any:
+def blas_pools() -> Any:
+    """Return the controller of the threads of all BLAS libraries that are loaded at the first call."""
     return ThreadpoolController()
 
 
@@ -99,7 +101,7 @@ def _pools() -> Any:
 def one_blas_thread() -> Iterator[None]:
     """Limit BLAS to one thread, because on vectors and small fronts more threads are slower.
     The number of threads belongs to the whole process, so other Python threads wait."""
-    with _BLAS_LOCK, _pools().limit(limits=1, user_api="blas"):
+    with _BLAS_LOCK, blas_pools().limit(limits=1, user_api="blas"):
         yield
 
 

@@ -341,12 +341,12 @@ def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) ->
         chart = np.where(parts.material, parts.family, count - 1)
         family, weights = sheet.family[parts.parent], parts.weights @ sheet.weights
         sheet = Sheet(parts.surface, sheet.parent[parts.parent], family, weights, 0, parts.sides_on, parts.lines)
-        chart = _where_largest(sheet.carry(fields), sheet.surface.F, chart)
+        chart = largest_fields(sheet.carry(fields), sheet.surface.F, chart)
     labels = outline_labels(sheet)
     return DividedSheet(sheet.surface.V, sheet.surface.F, sheet.carry(D), chart, labels.half_edge, labels.family)
 
 
-def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
+def largest_fields(fields: Floats, F: Ints, chart: Ints) -> Ints:
     """Return for each face (m,) the number of its largest field (its chart). A face whose field is the largest at none
     of its corners gets the field that is the largest at its centre."""
     corners = fields[F]

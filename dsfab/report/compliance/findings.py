@@ -242,8 +242,8 @@ class Findings:
         if not self.carries:
             reason = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", reason, "equilibrium with its supports")]
-        knowledge = (self._support_check(), self._compliance_check(), self._theory_check(), self._balance_check())
-        mesh = (self._member_check(), self._facet_check())
+        knowledge = (self._support_check(), self._compliance_check(), self._theory_check(), self.balance_check())
+        mesh = (self._member_check(), self.facet_check())
         limits = (self._strength_check(), self._buckling_check(), self._frequency_line())
         return [line for line in (*knowledge, *mesh, *limits) if line]
 
@@ -271,7 +271,8 @@ class Findings:
         words = f"the solid is up to {percent(theory)} softer"
         return CheckLine("Within thin-shell theory", mark, words, percent(CONVERGED))
 
-    def _balance_check(self) -> CheckLine:
+    def balance_check(self) -> CheckLine:
+        """Check that the reactions balance the loads, and that the equations are solved."""
         cases = self.judgement.cases.values()
         imbalance, residual = max(case.imbalance for case in cases), max(case.residual for case in cases)
         if self.judgement.check:
@@ -291,7 +292,7 @@ class Findings:
             mark, words = "note", words + "; the outline is coarse, and the checks are for this coarse outline"
         return CheckLine("Outline of the members", mark, words, f"{least:g} or more")
 
-    def _facet_check(self) -> CheckLine | None:
+    def facet_check(self) -> CheckLine | None:
         check = self.judgement.check
         if check is None or check.facets == 0:
             return None

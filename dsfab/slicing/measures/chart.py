@@ -54,13 +54,13 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
         scale[:, k] = np.where(seen.blank, 0.0, 0.5 ** halved.level[mesh.cells.owner, k])[slot]
         z[:, k] = np.where(seen.blank, 0.5, seen.slot_values(0))[slot] * np.where(scale[:, k] > 0, scale[:, k], 1.0)
     flat = surface.F.ravel()
-    first_corner, vertex = _group_equal_rows(flat, np.rint(np.concatenate([z, scale], axis=1) / SAME_PHASE))
+    first_corner, vertex = equal_row_groups(flat, np.rint(np.concatenate([z, scale], axis=1) / SAME_PHASE))
     chart_surface = Surface(surface.V[flat[first_corner]], vertex.reshape(-1, 3))
     weights = mesh.weights[flat[first_corner]]
     return Chart(chart_surface, mesh.parent[cell], weights, z[first_corner], scale[first_corner])
 
 
-def _group_equal_rows(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
+def equal_row_groups(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
     """Group rows with equal keys (k,) and equal numbers (k, r); return each group's first row, and each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]

@@ -106,7 +106,7 @@ def check_contents(
     unit_given : True if the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
-    sound = _file_soundness(contents, tell)
+    sound = file_soundness(contents, tell)
     cut, walls_and_gaps, design_distance = _cut_and_measured(contents, sound, design, tell)
     findings = [
         Finding("solid", "pass" if sound.sound else "fail"),
@@ -125,7 +125,8 @@ def check_contents(
     return FileCheck(contents.path, contents, sound, walls_and_gaps, design_distance, carries, density, tuple(findings))
 
 
-def _file_soundness(contents: FileContents, tell: Progress) -> Soundness:
+def file_soundness(contents: FileContents, tell: Progress) -> Soundness:
+    """Look for holes and crossings, of a STEP file in finer triangles too if some cross."""
     finer = "drawing triangles of curved faces finer, since some cross"
     triangles = StepTriangles(contents.V, contents.F, contents.face, contents.collapsed)
     return curved_soundness(triangles, contents.deflection, contents.shape, lambda: tell("judge", finer))

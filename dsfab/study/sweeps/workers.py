@@ -195,7 +195,7 @@ class LocalWorkers:
         self._job, self._asked = job, workers
         self._free, self._peak, self._short = free_memory(), 0, memory_kills()
         self._pools: dict[str, ProcessPoolExecutor] = {}
-        self._pids: dict[str, int] = {}
+        self.pids: dict[str, int] = {}
 
     def workers(self) -> Collection[str]:
         """Return the names of the workers, as many as fit into memory."""
@@ -229,11 +229,11 @@ class LocalWorkers:
 
     def _introduce(self, worker: str, future: "Future[int]") -> None:
         with suppress(Exception):
-            self._pids[worker] = future.result()
+            self.pids[worker] = future.result()
 
     def lost(self, worker: str) -> str:
         """End a worker. Return a reason if a process was killed for lack of memory since the last call; else ''."""
-        self._pids.pop(worker, None)
+        self.pids.pop(worker, None)
         pool = self._pools.pop(worker, None)
         if pool is None:
             return ""
@@ -245,7 +245,7 @@ class LocalWorkers:
         self._peak = max(self._peak, outcome.peak)
 
     def close(self) -> None:
-        for pid in self._pids.values():
+        for pid in self.pids.values():
             with suppress(OSError):
                 os.kill(pid, signal.SIGTERM)
         for worker in list(self._pools):

@@ -110,7 +110,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
     """Return boundary half-edges (k,), at most one per face, and on each a vertex (k,) of another face."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
-    edge, vertex = _near_vertices(V, ends, within)
+    edge, vertex = near_vertices(V, ends, within)
     if not len(edge):
         return half[:0], vertex
     distance = distances_from_segments(V[vertex], V[ends[edge, 0]], V[ends[edge, 1]])
@@ -128,7 +128,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
     return half[edge[now]], vertex[now]
 
 
-def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
+def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return pairs of a boundary edge (k,), as index into `ends` (b, 2), and a boundary vertex (k,) beside the edge.
     Largest distance: `within`, or `SAG` times the edge's length unless all boundaries are closed loops."""
     a, b = V[ends].transpose(1, 0, 2)

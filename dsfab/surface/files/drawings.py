@@ -260,9 +260,6 @@ def _ends_meet(run: Floats) -> bool:
     return len(run) > 3 and float(np.linalg.norm(run[0] - run[-1])) <= SAME_PLACE * size
 
 
-_READERS = {".dxf": read_dxf, ".3dm": read_rhino_in_process}
-
-
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
     """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers.
     Touching lines and arcs form one curve.
@@ -271,7 +268,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
     Raises SurfaceError for a missing file, layer, unit or closed curve, for open curves, and beyond `DrawingBudget`."""
     path = Path(path)
-    if path.suffix.lower() not in _READERS:
+    if path.suffix.lower() not in (".dxf", ".3dm"):
         raise SurfaceError(f"{path} is not a drawing that dsfab reads; give a .dxf or a .3dm file")
     try:
         about = path.stat()
@@ -319,17 +316,17 @@ def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: in
     if not all((np.abs(run) < LARGEST_NUMBER).all() for run in curves):
         raise SurfaceError(f"{where} has a curve with invalid or infinite coordinates; draw the curve again")
     metres = metres_per(unit or drawing.unit or "m")
-    return tuple(metres * loop for loop in _loops(curves, where, budget))
+    return tuple(metres * loop for loop in closed_loops(curves, where, budget))
 
 
 def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
     with readable(path, "draw less into it", "it is damaged"):
         budget.require("bytes", size)
-        return _READERS[path.suffix.lower()](path, budget)
+        return (read_dxf if path.suffix.lower() == ".dxf" else read_rhino_in_process)(path, budget)
 
 
-def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
-    """Join runs with common ends; yield closed curves without a repeated point. Raises SurfaceError for open curves."""
+def closed_loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
+    """Join runs (k, 3) with common ends; yield closed curves without a repeated point; SurfaceError for open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
     ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # run k ends at points 2 k and 2 k + 1

@@ -150,7 +150,7 @@ def fan(k: int) -> Ints:
 
 def _ring_cut(flat: Floats) -> Ints:
     if len(flat) <= MANY:
-        return _earcut(flat)
+        return earcut_triangles(flat)
     cut, ends = cdt.Triangulation(ORDER, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0), np.arange(len(flat))
     points: Any = np.ascontiguousarray(flat)  # Any: only Python 3.12 has a type for buffers
     sides: Any = np.stack([ends, np.roll(ends, -1)], axis=1).astype(np.uint32)
@@ -158,12 +158,13 @@ def _ring_cut(flat: Floats) -> Ints:
         cut.insert_vertices(points)
         cut.insert_edges(sides)
     except RuntimeError:  # the outline has repeated points or crossing sides
-        return _earcut(flat)
+        return earcut_triangles(flat)
     cut.erase_outer_triangles()
     return np.asarray(cut.triangles_array()["vertices"], dtype=np.int64)
 
 
-def _earcut(flat: Floats) -> Ints:
+def earcut_triangles(flat: Floats) -> Ints:
+    """Return the counter-clockwise triangles (t, 3) of a polygon (k, 2) by the library mapbox_earcut."""
     corners = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array([len(flat)], dtype=np.uint32))
     F: Ints = np.asarray(corners, dtype=np.int64).reshape(-1, 3)
     turned = _twice_areas(flat, F) < 0  # the order of the corners depends on earcut's version

@@ -45,21 +45,22 @@ def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
 def read_3dm(path: Path, budget: Budget) -> TriangleFile:
     """Return the meshes of a 3DM file with coincident vertices merged. Raises as `read_rhino_in_process` does."""
     require_rhino()
-    mesh = _triangles("meshes", path, budget)
+    mesh = foreign_triangles("meshes", path, budget)
     V, F = equal_merged(mesh.V, mesh.F)
     return replace(mesh, V=V, F=F)
 
 
 def read_cad(path: Path, budget: Budget) -> TriangleFile:
     """Return the triangles of a STEP or BREP file, joined along common edges. Raises like `read_rhino_in_process`."""
-    mesh = _triangles("cad", path, budget)
+    mesh = foreign_triangles("cad", path, budget)
     V, became = merged_vertices(mesh.V, 1e-7)  # faces give slightly different points on a common edge
     F = became[mesh.F]
     is_triangle = (np.roll(F, 1, axis=1) != F).all(axis=1)
     return replace(mesh, V=V, F=F[is_triangle])
 
 
-def _triangles(kind: str, path: Path, budget: Budget) -> TriangleFile:
+def foreign_triangles(kind: str, path: Path, budget: Budget) -> TriangleFile:
+    """Read a file in a process of its own. kind : "meshes" for 3DM, "cad" for STEP and BREP."""
     try:
         answer = _program_output(kind, path, budget.seconds + SECONDS[kind])
     except subprocess.TimeoutExpired:

@@ -284,7 +284,7 @@ def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
     Opposite points of the unit circle have the same image but stay separate, so that the surface is a disc with two
     sides. Three sheets meet in a triple point. No solid of constant thickness exists there."""
     check_density(4 * height**2, edge)
-    chart = _Disc(height)
+    chart = BoyChart(height)
     rows = 24
     counts = np.array([1, *(6 * k for k in range(1, rows + 1))])
     turns = ring_turns(counts)
@@ -294,12 +294,13 @@ def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
 
 
 @dataclass(frozen=True)
-class _Disc:
+class BoyChart:
     """Chart of Boy's surface: its coordinates are the unit disc of the complex plane, its border is the unit circle."""
 
     height: float
 
     def place(self, X: Floats) -> Floats:
+        """(k, 3) points of the surface at disc coordinates (k, 2)."""
         w = X[:, 0] + 1j * X[:, 1]
         a = w**6 + np.sqrt(5) * w**3 - 1
         g = np.stack(
@@ -309,7 +310,7 @@ class _Disc:
         return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return the disc coordinates whose image is nearest to the position after `step`, limited to the disc."""
+        """Return coordinates (k, 2) in the disc whose image is nearest to that of X, moved by `step` (k, 3)."""
         small = 1e-6
         places = self.place(X)
         J = np.stack([(self.place(X + small * e) - places) / small for e in np.eye(2)], axis=2)

@@ -133,7 +133,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance
     result: Part | None = None
     for _ in range(TRIES):
-        simple, moved = _tried(part, step)
+        simple, moved = simplification(part, step)
         if len(simple.F) and moved <= tolerance and _sound(part, simple, crossing):
             result, step = simple, stride * step
         elif result is not None:
@@ -158,7 +158,8 @@ def _require_hope(simple: Part) -> None:
             require_budget(simple, len(shape.normals), faceted_bytes(shape))
 
 
-def _tried(part: Part, step: float) -> tuple[Part, float]:
+def simplification(part: Part, step: float) -> tuple[Part, float]:
+    """Return a coarser part within `step` (mm), and its distance (mm) from the part; no triangles if that fails."""
     try:
         V, F = coarsen_mesh(part.V, part.F, step)
     except SolidError:

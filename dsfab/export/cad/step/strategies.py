@@ -173,7 +173,7 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
     if part.step == "smooth":
         slow = "" if part.hurry else _slow(refused)
         return (
-            f"STEP is smooth, {smooth_file(part).summary}{slow}{_not_by_members(refused)}; "
+            f"STEP is smooth, {smooth_file(part).summary}{slow}{members_clause(refused)}; "
             f"{_cutting_sentence(part, refused)}"
         )
     why = "; ".join(reasons(refused))
@@ -204,7 +204,8 @@ def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
     return "write step = 'faceted'" if vain or _striped_sheet(part) is None else "write step = 'members'"
 
 
-def _not_by_members(refused: Sequence[ExportError]) -> str:
+def members_clause(refused: Sequence[ExportError]) -> str:
+    """Explain why a smooth file is not by members; "" if that was not tried."""
     why = [error.reason if isinstance(error, BudgetError) else str(error) for error in refused if _is_by_members(error)]
     return f"; not by members, since {why[-1].removeprefix('by members ')}" if why else ""
 

@@ -138,7 +138,7 @@ def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     curves = {k: curve for k, curve in curves.items() if k in net.chains}
     if not curves:
         return net
-    between = [curve(np.linspace(0, 1, _points(curve, sag * thickness))[1:-1]) for curve in curves.values()]
+    between = [curve(np.linspace(0, 1, point_count(curve, sag * thickness))[1:-1]) for curve in curves.values()]
     rows = lifting.weights_at(np.concatenate(between))
     chains, start = dict(net.chains), len(P)
     for k, row in zip(curves, between, strict=True):
@@ -172,7 +172,8 @@ def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> Chai
     return net
 
 
-def _points(curve: Spline, sag: float) -> int:
+def point_count(curve: Spline, sag: float) -> int:
+    """Return the number of points of a polyline that is at most `sag` (mm) from a curve."""
     fewest = 9  # a straightened chain has at least 9 points
     bends = np.linalg.norm(np.diff(curve(PLACES), n=2, axis=0) * (len(PLACES) - 1) ** 2, axis=1)
     return max(fewest, 1 + int(np.ceil(np.sqrt(bends.max() / (8 * sag)))))

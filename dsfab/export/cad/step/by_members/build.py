@@ -70,29 +70,24 @@ class NotByMembersError(ExportError):
         self.if_asked = if_asked
 
 
-class _RoughError(ExportError):
+class RoughError(ExportError):
     """The file is too far from the mesh, or OCCT finds no valid solid in it; a finer file may pass."""
 
 
 @derived
 def member_file(part: Part) -> MemberFile:
-    """Return the file of a part, computed once for each part.
+    """Return the usual file of a part, or a finer file if that one is rough; computed once for each part.
     Raises NotByMembersError with the reason, and BudgetError if the file is too large."""
     try:
-        return _accepted_file(part)
+        plan = SolidPlan(part)
+        try:
+            return _tried(part, plan, False)
+        except RoughError:
+            return _tried(part, plan, True)
     except BudgetError:
         raise
     except ExportError as error:
         raise NotByMembersError(str(error), isinstance(error, ManyFacesError)) from error
-
-
-def _accepted_file(part: Part) -> MemberFile:
-    """Return the usual file if it passes; otherwise return a finer file, whose faces lie nearer to the mesh."""
-    plan = SolidPlan(part)
-    try:
-        return _tried(part, plan, False)
-    except _RoughError:
-        return _tried(part, plan, True)
 
 
 def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
@@ -100,20 +95,20 @@ def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
         draft = member_draft(part, plan, fine)
         require_budget(part, draft.faces, len(draft.text))
         seconds, deflection = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
-        triangles = list[_TriangleReport]()
+        triangles = list[TriangleReport]()
 
         def judge(mesh: StepMesh) -> None:
-            triangles.append(_TriangleReport.from_mesh(mesh, plan.gate))
+            triangles.append(TriangleReport.from_mesh(mesh, plan.gate))
 
         findings = reports.findings(program, draft.text, deflection, seconds, judge)
-    forth, back, shape = _require_solid(part, plan, draft, findings, triangles)
+    forth, back, shape = require_solid(part, plan, draft, findings, triangles)
     used = _cut_once(part, plan, draft, shape) if part.hurry else _use_sentence(draft, seconds)
     volume, gap = sum(finding.volume for finding in findings), max(draft.gap, *(finding.gap for finding in findings))
     return MemberFile(draft.text, draft.solids, draft.faces, draft.trimmed, gap, forth, back, volume, used, plan.limits)
 
 
 @dataclass(frozen=True, eq=False)
-class _TriangleReport:
+class TriangleReport:
     """Report on OCCT's triangles. there, back : distances from triangles to mesh, and from mesh to triangles.
     shape : OCCT's binary shape.    fault : reason why the triangles bound no solid, or why OCCT cannot tell."""
 
@@ -123,7 +118,7 @@ class _TriangleReport:
     shape: bytes
 
     @classmethod
-    def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "_TriangleReport":
+    def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "TriangleReport":
         """Check triangles. An error is stored as `fault`, not raised, because other checks run meanwhile."""
         triangles = step_triangles(mesh)
         forth, back = gate.distances(MM_PER_M * triangles.V, triangles.F)
@@ -139,8 +134,8 @@ def _require(passed: bool, complaint: str, error: type[ExportError] = ExportErro
         raise error(complaint)
 
 
-def _require_solid(
-    part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[_TriangleReport]
+def require_solid(
+    part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[TriangleReport]
 ) -> tuple[float, float, bytes]:
     """Return the largest distances solid to mesh and mesh to solid, and OCCT's shape; or raise ExportError."""
     wide_box = 2e-2  # largest error of OCCT's bounding box, as a fraction of its diagonal; 1.1 % for a saddle of 5 m
@@ -148,22 +143,22 @@ def _require_solid(
     faces = sum(finding.faces for finding in findings)
     _require(len(findings) == draft.solids, "OCCT did not read the solids by members within the time limit")
     sound = all(finding.valid and finding.closed for finding in findings)
-    _require(sound, "OCCT finds the solid by members invalid", _RoughError)
+    _require(sound, "OCCT finds the solid by members invalid", RoughError)
     _require(faces == draft.faces, f"OCCT reads {faces} faces by members instead of {draft.faces}")
     _require(gap <= widest, f"a gap by members of {gap:.3g} mm is wider than {widest:.3g} mm")
     low, high = np.array([finding.box for finding in findings]).reshape(-1, 2, 3).transpose(1, 0, 2)
     box = box_fault(part, [*low.min(axis=0).tolist(), *high.max(axis=0).tolist()], plan.limits, wide_box)
     _require(not box, f"by members {box}")
-    _require(bool(triangles), "OCCT makes no triangles of a face by members", _RoughError)
+    _require(bool(triangles), "OCCT makes no triangles of a face by members", RoughError)
     gate, forth, back = plan.gate, triangles[0].there, triangles[0].back
     volume, mesh_volume = sum(finding.volume for finding in findings), float(gate.volumes.sum())
     rounder = float((gate.excess_volumes * gate.volumes).sum()) / mesh_volume
     worst_way = max(forth, back, key=lambda distances: distances.worst - distances.allowed)
     complaint = f"by members it is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"
-    _require(worst_way.worst <= worst_way.allowed, complaint, _RoughError)
+    _require(worst_way.worst <= worst_way.allowed, complaint, RoughError)
     is_kept = abs(volume - mesh_volume) <= (CHANGED_VOLUME + rounder) * mesh_volume
     _require(is_kept, f"its volume by members is off by {volume / mesh_volume - 1:.1%}")
-    _require(not triangles[0].fault, triangles[0].fault, _RoughError)
+    _require(not triangles[0].fault, triangles[0].fault, RoughError)
     return forth.most, back.most, triangles[0].shape
 
 
@@ -180,11 +175,12 @@ def _use_sentence(draft: MemberDraft, seconds: float) -> str:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:
         raise ExportError("OCCT did not cut the solid by members within the time limit") from error
-    _require_use(report)
+    require_use(report)
     return f"{CUT_COUNT} of {CUT_COUNT} half-space cuts valid, {report['fillets']} of {report['sharp']} fillets made"
 
 
-def _require_use(report: dict[str, Any]) -> None:
+def require_use(report: dict[str, Any]) -> None:
+    """Raise ExportError if the findings of `use_findings` show that CAD programs would fail."""
     plain_limit = 1e-3  # largest relative error of the volume if OCCT does not refine its integration
     plain_error = report["plain"] / report["volume"] - 1
     _require(report["valid"], "OCCT finds the solid by members invalid once it is read again")

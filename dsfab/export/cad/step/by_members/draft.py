@@ -185,12 +185,12 @@ def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
     for sheet in _sheets(plan.curved.striped()):
         net = _net(sheet, lifting, plan)
         walls = sum(chain.right == VOID for chain in net.chains.values())
-        _require_few(part, 2 * len(net.loops) + int(least_walls * walls))
+        require_few_faces(part, 2 * len(net.loops) + int(least_walls * walls))
         model, surfaces = _solid(part, net, RegionInterior(sheet, lifting, plan.limits.thickness, fine), plan)
         model, surfaces, seams = with_long_seams(model, surfaces)
         pieces.append(NetWriter(entity_list, model, plan.limits.thickness).faces(surfaces, seams))
         trimmed += surfaces
-    _require_few(part, faces := sum(map(len, pieces)))
+    require_few_faces(part, faces := sum(map(len, pieces)))
     text = "".join(entity_list.file(pieces, part.name, "curved solid of four-sided patches by members"))
     return MemberDraft(text, len(pieces), faces, 2 * len(trimmed), max((face.gap for face in trimmed), default=0.0))
 
@@ -203,7 +203,8 @@ def has_too_many(part: Part) -> bool:
     return part in _TOO_MANY
 
 
-def _require_few(part: Part, faces: int) -> None:
+def require_few_faces(part: Part, faces: int) -> None:
+    """Raise ManyFacesError if a part in a hurry would have more faces than dsfab writes without a request."""
     limit = part.hurry * UNASKED
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
@@ -241,11 +242,11 @@ def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SolidPlan)
     least_share = 0.95  # at least this fraction of the faces must remain after regions are joined
     fits = _Fits(interior, plan)
     lines, model = fits.model(net)
-    _require_few(part, int(least_share * model.faces))
+    require_few_faces(part, int(least_share * model.faces))
     previous = dict[int, bytes]()
     for _ in range(PASSES):
-        outlines = _outlines(net, lines, model)
-        changed = _changed_regions(previous, outlines)
+        outlines = outline_poles(net, lines, model)
+        changed = changed_regions(previous, outlines)
         sound = without_crossings(net, lines.curves(changed), changed, TOUCHING_SHARE * plan.limits.thickness)
         if sound is net:
             break
@@ -253,7 +254,8 @@ def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SolidPlan)
         lines, model = fits.model(net)
     net, model = _with_cut_ends(net, lines, model, fits, plan)
     faces = _trimmed_faces(net, model, interior, fits)
-    bad = {region for region in model.compact if not _close(faces.get(region), plan)}
+    far = OUTLINE_SHARE * plan.limits.distance
+    bad = set(model.compact) - {r for r, face in faces.items() if face.gap <= SPLIT and face.off <= far}
     if bad:
         fits.patched |= bad
         _, model = fits.model(net)
@@ -283,20 +285,16 @@ def _trimmed_faces(net: ChainNet, model: NetModel, interior: RegionInterior, fit
     return faces | fitted
 
 
-def _close(face: TrimmedFace | None, plan: SolidPlan) -> bool:
-    return face is not None and face.gap <= SPLIT and face.off <= OUTLINE_SHARE * plan.limits.distance
-
-
 def _with_cut_ends(
     net: ChainNet, lines: NetLines, model: NetModel, fits: "_Fits", plan: SolidPlan
 ) -> tuple[ChainNet, NetModel]:
-    regions, previous = set(model.trimmed), _outlines(net, lines, model)
+    regions, previous = set(model.trimmed), outline_poles(net, lines, model)
     for _ in range(PASSES):
         divided_net = with_cut_ends(net, sorted(regions), fits.lifting, GAP_SHARE * plan.limits.thickness)
         if divided_net is net:
             break
         lines, divided_model = fits.model(divided_net)
-        changed = _changed_regions(previous, _outlines(divided_net, lines, divided_model))
+        changed = changed_regions(previous, outline_poles(divided_net, lines, divided_model))
         curves = lines.curves(changed)
         crossed = [region for region in changed if crossing_chains(divided_net, curves, region)]
         wrong = {divided_net.parent.get(region, region) for region in crossed} & regions
@@ -306,8 +304,8 @@ def _with_cut_ends(
     return net, model
 
 
-def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return the poles of all curves around each trimmed region, as bytes."""
+def outline_poles(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
+    """Return the poles of all curves around each trimmed region, as bytes by region."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -315,7 +313,8 @@ def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, byte
     }
 
 
-def _changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> list[int]:
+def changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> list[int]:
+    """Return the regions whose outlines (see `outline_poles`) are new or different."""
     return [region for region, outline in outlines.items() if previous.get(region) != outline]
 
 
@@ -328,12 +327,11 @@ class _Fits:
         box = _wide_box(skins)
         self.fits = LineFits(plan.limits.distance, box, skins, self.lifting.vectors_to_skins, interior.fine)
         beyond_mesh = plan.gate.excess_distances if interior.fine else None
-        self.wanted = FaceLimits(_wanted_gap(plan.limits.thickness), plan.limits.distance, box, beyond_mesh)
+        self.wanted = FaceLimits(wanted_gap(plan.limits.thickness), plan.limits.distance, box, beyond_mesh)
         self.covering = PatchBuilder(self.lifting.vectors_to_skins, self.wanted)
         self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
-        self.faces = dict[tuple[int, bytes], TrimmedFace]()
-        self.quads = dict[int, tuple[list[ChainLoop], list[SampledChain], Quad | None]]()
-        self.patched = set[int]()
+        self.faces, self.patched = dict[tuple[int, bytes], TrimmedFace](), set[int]()
+        self.region_quads = RegionQuads(self.reach)
 
     def model(self, net: ChainNet) -> tuple[NetLines, NetModel]:
         changed = {k: chain for k, chain in net.chains.items() if self.points.get(k) is not chain.points}
@@ -341,21 +339,30 @@ class _Fits:
             self.chains |= sampled_chains(replace(net, chains=changed), self.lifting, self.limits)
             self.points |= {k: chain.points for k, chain in changed.items()}
         chains = {k: self.chains[k] for k in net.chains}
-        quads, other_regions = self._quads(net, chains)
+        quads, other_regions = self.region_quads.quads(net, chains)
         lines = self.fits.lines(net, chains, quads, self.reach)
         return lines, net_model(lines, chains, quads, other_regions, self.covering, self.patched)
 
-    def _quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
+
+class RegionQuads:
+    """Four-sided regions of nets, with a cache for regions whose chains are unchanged. reach : see `quad_of`, mm."""
+
+    def __init__(self, reach: float) -> None:
+        self.reach, self.known = reach, dict[int, tuple[list[ChainLoop], list[SampledChain], Quad | None]]()
+
+    def quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
+        """Return the four-sided regions of a net, and the numbers of its other regions."""
         for region, loops in net.loops.items():
             around = [chains[k] for loop in loops for k, _ in loop]
-            cached = self.quads.get(region)
+            cached = self.known.get(region)
             if cached is None or cached[0] != loops or any(a is not b for a, b in zip(cached[1], around, strict=True)):
-                self.quads[region] = loops, around, quad_of(region, loops, chains, self.reach)
-        quads = {region: self.quads[region][2] for region in net.loops}
+                self.known[region] = loops, around, quad_of(region, loops, chains, self.reach)
+        quads = {region: self.known[region][2] for region in net.loops}
         return [quad for quad in quads.values() if quad], [region for region, quad in quads.items() if not quad]
 
 
-def _wanted_gap(thickness: float) -> float:
+def wanted_gap(thickness: float) -> float:
+    """Return the wanted gap (mm) between trimmed faces and their edges in a sheet with this thickness (mm)."""
     # Smaller gaps would need faces of higher degrees, with more poles.
     narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough if it is below both limits
     return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))

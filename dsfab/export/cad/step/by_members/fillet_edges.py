@@ -290,15 +290,15 @@ def _directed_walls(
             corners = turns[i] if j == 0 else 0.0, turns[i + 1] if j == len(wall.steps) - 1 else 0.0
             against = i == 0 and corners[0] > 0
             ending = against, i + 1 < len(walls) and corners[1] > 0
-            stops = _stops(model.poles((e, ahead)), face_of_edge.get(e), corners, ending)
+            stops = edge_stops(model.poles((e, ahead)), face_of_edge.get(e), corners, ending)
             work.cut(e, ahead, stops or ([0.5] if against and len(wall.steps) == 1 else []), against)
     return walls
 
 
-def _stops(
+def edge_stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
-    """Return the places of cuts of an edge with corners, as fractions of its length.
+    """Return the places of cuts of an edge with poles (4, 6) and corners, as fractions of its length.
     Between a corner and its cut, no gap to the trimmed face is wider than the gaps at the corner and at the cut.
     corners : tangents of half the bend at start and end; 0 if there is no corner.
     ending  : True at a corner where the directed edge ends; `LONGEST_SHARE` limits the distance of the cut."""

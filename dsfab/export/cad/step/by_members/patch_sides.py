@@ -213,10 +213,10 @@ class LineFits:
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
         """Fit lines along the chains of a net. One line for several chains has no more spans than a line for each."""
-        turns, self.within = partial(_turn, chains, reach), _tolerances(net, chains, self.distance)
+        turns, self.within = partial(chain_turn, chains, reach), chain_tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
-        todo, accepted = _rows(net.chains, _links(net, quads, turns, rounded)), list[ChainLine]()
+        todo, accepted = _rows(net.chains, line_links(net, quads, turns, rounded)), list[ChainLine]()
         while todo:
             lines = self._fits(net, chains, todo)
             todo = []
@@ -260,13 +260,13 @@ class LineFits:
         missing = [line for line in lines if id(line) not in self.pulled]
         fine = [line.with_poles_in(self.box) for line in missing]
         if self.closely:
-            fine = self._halve_strays(fine)
+            fine = self.halved_strays(fine)
         curves = curves_as_parabolas(on_skins([line.curve for line in fine], self.away), self.distance, self.skins)
         for line, fine_line, curve in zip(missing, fine, curves, strict=True):
             self.pulled[id(line)] = line, replace(fine_line, curve=curve)
         return [self.pulled[id(line)][1] for line in lines]
 
-    def _halve_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
+    def halved_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
         """Halve the cubics that leave the skins; `on_skins` moves only some of their points onto the skins."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
@@ -280,7 +280,7 @@ class LineFits:
         return [x.with_halved_spans(flags) if flags.any() else x for x, flags in zip(lines, marks, strict=True)]
 
 
-def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
+def chain_tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
     """Return the tolerance (mm) of each chain; around narrow openings it is at most a fraction of their width."""
     tolerances = {k: OUTLINE_SHARE * distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
     after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
@@ -306,13 +306,14 @@ Turn = Callable[[ChainEnd, ChainEnd], float]
 """Function that returns the bend (degrees) of a line between the end of one chain and the end of the next chain."""
 
 
-def _turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:
+def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:
+    """Return the bend as in `Turn`. reach : length (mm) along a chain in which its direction is measured."""
     directions = [chains[k].direction(end == 0, reach)[0] for k, end in (first_end, second_end)]
     a, b = (direction / np.linalg.norm(direction) for direction in directions)
     return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))
 
 
-def _links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
+def line_links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
     """Pair the ends of chains where one line continues: along a side of a region, and along smooth outlines.
     An arc may continue an outline, but not a border between members."""
     smooth = 10.0  # largest bend, degrees, between two chains of an outline that become one line

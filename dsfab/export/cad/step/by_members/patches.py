@@ -7,7 +7,7 @@ from functools import cache, partial
 import numpy as np
 from scipy.special import comb
 
-from dsfab.core.arrays import Bools, Floats, Ints, cross
+from dsfab.core.arrays import Bools, Floats, cross
 from dsfab.export.cad.step.by_members.curves import InnerSpline, patches_as_parabolas
 from dsfab.export.splines import bernstein
 
@@ -194,30 +194,26 @@ class PatchBuilder:
             return []
         cubic = patches_on_skins([coons(*four) for four in sides], self.away)
         patches = [patches_as_parabolas(P, self.limits.off) for P in cubic]
-        too_far = (_stray_distances(patches, self.away) > self.limits.off) | (_beyond_mesh(patches, self.limits) > 0)
+        too_far = (stray_distances(patches, self.away) > self.limits.off) | (patch_excess(patches, self.limits) > 0)
         least_ratio = 0.1  # a patch with a smaller relative Jacobian counts as folded
         jacobians = (least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) for P in patches)
         rows = zip(patches, too_far, jacobians, strict=True)
         return [None if is_far or jacobian < least_ratio else P for P, is_far, jacobian in rows]
 
 
-def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
+def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
     """Return for each region the largest distance (k,) of the middles of its patches from the skins."""
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
-    return np.maximum.reduceat(distances, _starts(middles))
+    return np.maximum.reduceat(distances, np.cumsum([0, *map(len, middles)])[:-1])
 
 
-def _starts(parts: Sequence[Floats]) -> Ints:
-    return np.cumsum([0, *map(len, parts)])[:-1]
-
-
-def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
+def patch_excess(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
     """Return by how much (k,) the patches of each region exceed their distance limit, mm; -inf without a limit."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))
     points = np.einsum("xa,yb,kabi->kxyi", B, B, np.concatenate(poles))
     beyond = limits.beyond_mesh(points.reshape(-1, 3)).reshape(len(points), -1).max(axis=1)
-    return np.maximum.reduceat(beyond, _starts(poles))
+    return np.maximum.reduceat(beyond, np.cumsum([0, *map(len, poles)])[:-1])

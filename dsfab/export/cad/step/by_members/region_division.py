@@ -40,7 +40,7 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
         for wall, end in zip((turned[0], turned[j - i]), ends, strict=True):
             if member[-1] != wall:
                 member.append(wall)
-            if len(end) == 1 or _narrow(net, end, P, width, region_area):
+            if len(end) == 1 or is_narrow_end(net, end, P, width, region_area):
                 member += end
                 continue
             a, b = net.ends(end[0])[0], net.ends(end[-1])[1]
@@ -77,8 +77,8 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
     return (i, j) if min(length[i], length[j]) > long * apart > 0 else None
 
 
-def _narrow(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if a line between the ends of a row of chains cuts off a narrow piece, or runs outside the region."""
+def is_narrow_end(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
+    """Return True if the chord of a row of chains over nodes P (n, 3) cuts off a narrow piece, or leaves the region."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 

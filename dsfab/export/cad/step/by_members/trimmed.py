@@ -175,7 +175,7 @@ def trimmed_face(
     if sum(a > 0 for a in area) != 1:
         raise ExportError("a region without four sides has no single outline")
     ways = np.stack([P[3] - P[0] for loop in loops for P in map(model.poles, loop)])
-    surfaces = [_surface(points[s], edges[s], ways[s], axes, limits) for s in (np.s_[:, :3], np.s_[:, 3:])]
+    surfaces = [height_surface(points[s], edges[s], ways[s], axes, limits) for s in (np.s_[:, :3], np.s_[:, 3:])]
     (outer, A, *outer_distances), (inner, B, *inner_distances) = surfaces
     gap, distance = np.maximum(outer_distances, inner_distances).tolist()
     astray = largest_excess(((outer, A), (inner, B)), [np.split(x, 2, axis=1) for x in lines], limits.beyond_mesh)
@@ -234,11 +234,12 @@ def signed_area(P: Floats) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
-def _surface(
+def height_surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
-    """Fit a surface; return poles, axes, gap at the edges, and distance from inner points. ways : (k, 3) chords.
-    The surface covers a rectangle in its mean plane, or a parallelogram along two chords if poles leave the box."""
+    """Fit a surface to inner points (k, 3) and edges (j, 3); return poles, axes, gap, and distance from inner points.
+    The surface covers a rectangle in its mean plane, or a parallelogram along two of the chords `ways` (c, 3) if poles
+    leave the box."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)

@@ -117,7 +117,7 @@ def divided_faces(
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
-    work, points = _FaceDivision(model, away, limits), inside(bad)
+    work, points = FaceDivision(model, away, limits), inside(bad)
     parts = {region: work.parts(faces[region], points[region]) for region in bad}
     return work.finish([part for region, face in faces.items() for part in parts.get(region, [face])])
 
@@ -130,8 +130,8 @@ def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
-class _FaceDivision:
-    """Division of regions, one after another.
+class FaceDivision:
+    """Division of regions of a model, one after another. away, limits : see `divided_faces`.
     halves : the two new edges of each halved edge.    times : multiple of the usual number of tried seams."""
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
@@ -156,27 +156,28 @@ class _FaceDivision:
         while todo:
             todo.sort(key=lambda face: allowance_used(face, self.limits))
             worst_face = todo.pop()
-            two = self._divide_in_two(worst_face, points) if len(todo) + len(finished) + 1 < largest_count else []
+            two = self.two_parts(worst_face, points) if len(todo) + len(finished) + 1 < largest_count else []
             for part in two or [worst_face]:
                 (todo if two and allowance_used(part, self.limits) > 1 else finished).append(part)
         return finished
 
     def over_halves(self, loop: ChainLoop) -> ChainLoop:
+        """Return a loop with two steps for each halved edge."""
         steps: ChainLoop = []
         for e, ahead in loop:
             two = self.halves.get(e, ())[:: 1 if ahead else -1]
             steps += self.over_halves([(half, ahead) for half in two]) if two else [(e, ahead)]
         return steps
 
-    def _divide_in_two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
+    def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
         """Divide a face by the first seam whose two parts are both clearly better, or by the best of many seams."""
         less = 0.9  # largest `allowance_used` of the worse part / that of the whole face
         loop, model = self.over_halves(face.loops[0]), self.model  # an earlier division may have halved an edge
         best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
-        for ends, cubics in self._seams(HalvedOutline.from_loop(model, loop), points):
+        for ends, cubics in self.seams(HalvedOutline.from_loop(model, loop), points):
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
-            two = self._faces(self._with_seam(loop, *ends, cubics), points)
+            two = self.part_faces(self.seam_loops(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
             # CAD programs cannot cut an edge with a gap wider than SPLIT
             wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)
@@ -186,16 +187,18 @@ class _FaceDivision:
                 best_seam, least = (*ends, cubics), worse
             del model.edges[edges:], model.vertices[vertices:]
             self.halves = halves
-        return self._faces(self._with_seam(loop, *best_seam), points) if best_seam else []
+        return self.part_faces(self.seam_loops(loop, *best_seam), points) if best_seam else []
 
-    def _faces(self, loops: Iterable[ChainLoop], points: Floats) -> list[TrimmedFace]:
+    def part_faces(self, loops: Iterable[ChainLoop], points: Floats) -> list[TrimmedFace]:
+        """Fit the faces of parts with inner points (k, 6); [] if a part has no face."""
         try:
             two = {i: trimmed_face(self.model, [loop], points, self.limits, True) for i, loop in enumerate(loops)}
         except ExportError:
             return []
         return list(without_strays(self.model, two, dict.fromkeys(two, points), self.away, self.limits).values())
 
-    def _seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
+    def seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
+        """Return the best seams, each with the places of its ends on the outline and its cubics (c, 4, 6)."""
         full = 3  # faces are built for the best three seams
         many = 2000  # trials use about 2000 points of up to ten thousand
         at_gap = 4  # half of the tried seams begin at the four places with the widest gaps
@@ -203,16 +206,16 @@ class _FaceDivision:
         distances = misfit(points, outline.line, TRIAL_DEGREE).reshape(-1, POINTS).max(axis=1)
         worst = np.argsort(-np.maximum(distances, np.roll(distances, 1)), kind="stable")[:at_gap]
         pairs = list(outline.chords(worst, self.times))
-        seams = self._on_skins([(outline.poles[a, 0], outline.poles[b, 0]) for a, b in pairs])
+        seams = self.chord_cubics([(outline.poles[a, 0], outline.poles[b, 0]) for a, b in pairs])
         near_numbers = [i for i, cubics in enumerate(seams) if self._is_near(cubics)]
         pairs, seams = [pairs[i] for i in near_numbers], [seams[i] for i in near_numbers]
         errors, limit = list[float](), self.times * full
         for (a, b), P in zip(pairs, seams, strict=True):
             two = outline.part(a, b, P), outline.part(b, a, P[::-1, ::-1])
-            errors.append(_worst_misfit(points, two, sorted(errors)[limit - 1] if len(errors) >= limit else np.inf))
+            errors.append(worst_misfit(points, two, sorted(errors)[limit - 1] if len(errors) >= limit else np.inf))
         return [(pairs[i], seams[i]) for i in np.argsort(errors, kind="stable").tolist()[:limit]]
 
-    def _on_skins(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
+    def chord_cubics(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
         """Return cubics (k, 4, 6) on the skins between the two points (6,) of each chord."""
         checks = 8  # the distance of each cubic from the skins is measured at 8 places
         result, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
@@ -234,12 +237,13 @@ class _FaceDivision:
         beyond, samples = self.limits.beyond_mesh, bernstein(np.linspace(0, 1, 17)) @ cubics
         return beyond is None or float(beyond(samples.reshape(-1, 3)).max()) <= 0
 
-    def _with_seam(self, loop: ChainLoop, a: int, b: int, cubics: Floats) -> tuple[ChainLoop, ChainLoop]:
+    def seam_loops(self, loop: ChainLoop, a: int, b: int, cubics: Floats) -> tuple[ChainLoop, ChainLoop]:
+        """Add a seam of cubics (c, 4, 6) from place a to place b to the model; returns the loops of both parts."""
         steps, place_steps, model = list[tuple[int, bool]](), list[int](), self.model
         for i, step in enumerate(loop):
             place_steps.append(len(steps))
             if 2 * i + 1 in (a, b):
-                self._halve(step[0])
+                self.halve(step[0])
             steps += self.over_halves([step])
             place_steps.append(len(steps) - 1)
         start, end = (model.vertex(steps[place_steps[place]], True) for place in (a, b))
@@ -251,7 +255,8 @@ class _FaceDivision:
         seam = [(first_edge + i, True) for i in range(len(cubics))]
         return [*onwards[:count], *backwards(seam)], [*onwards[count:], *seam]
 
-    def _halve(self, e: int) -> None:
+    def halve(self, e: int) -> None:
+        """Halve an edge of the model."""
         edge, edges, middle = self.model.edges[e], self.model.edges, len(self.model.vertices)
         first_poles, second_poles = parts_of(np.stack([edge.poles] * 2), np.array([0.0, 0.5]), np.array([0.5, 1.0]))
         first_poles[0], second_poles[3], second_poles[0] = edge.poles[0], edge.poles[3], first_poles[3]
@@ -260,6 +265,7 @@ class _FaceDivision:
         edges += [NetEdge(edge.start, middle, first_poles), NetEdge(middle, edge.end, second_poles)]
 
     def finish(self, faces: list[TrimmedFace]) -> list[TrimmedFace]:
+        """Remove halved edges from the model; returns the faces with the new numbers of edges."""
         model = self.model
         remaining = [e for e in range(len(model.edges)) if e not in self.halves]
         number = {e: i for i, e in enumerate(remaining)}
@@ -273,7 +279,8 @@ class _FaceDivision:
         return [replace(face, loops=[renumber(loop) for loop in face.loops]) for face in faces]
 
 
-def _worst_misfit(points: Floats, lines: Iterable[Floats], least: float) -> float:
+def worst_misfit(points: Floats, lines: Iterable[Floats], least: float) -> float:
+    """Return the largest distance (mm) of `misfit` for closed lines (k, 6); infinite if it is at least `least`."""
     worst = 0.0
     for line in lines:
         for distances in misfits(points, line, TRIAL_DEGREE):

@@ -135,11 +135,12 @@ def _runs(V: Floats, loop: Ints, special: Bools, beyond: _HalfEdgeCharts, touchi
     sharp = ~seam & ~np.roll(seam, 1) & (np.einsum("ki,ki->k", along, np.roll(along, 1, axis=0)) < np.cos(SHARP))
     ends = (kind != np.roll(kind, 1)) | sharp | (seam & np.roll(seam, 1) & special[loop]) | np.isin(loop, touching)
     starts = _run_starts(V, loop, np.flatnonzero(ends))
-    stops, width = [*starts.tolist(), int(starts[0]) + len(loop)], _width(V[loop], float(length.sum()))
+    stops, width = [*starts.tolist(), int(starts[0]) + len(loop)], loop_width(V[loop], float(length.sum()))
     return tuple(OutlineRun(loop[np.arange(i, j + 1) % len(loop)], int(chart[i]), width) for i, j in pairwise(stops))
 
 
-def _width(line: Floats, length: float) -> float:
+def loop_width(line: Floats, length: float) -> float:
+    """Return the radius of a circle, or the width of a slit: twice the area of a closed line (k, 3) / its length."""
     P = line - line.mean(axis=0)
     return float(np.linalg.norm(np.cross(P, np.roll(P, -1, axis=0)).sum(axis=0))) / max(length, 1e-300)
 

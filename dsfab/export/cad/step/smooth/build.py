@@ -62,14 +62,15 @@ def all_verdicts(
     """Judge pieces, by number, from OCCT's findings; a piece without findings is refused."""
     distances = _distances(gate, {k: findings[k] for k in pieces if k in findings and findings[k].tessellates})
     return {
-        k: _verdict(gate, k, piece, findings.get(k), distances.get(k, (_NOWHERE, _NOWHERE)))
+        k: piece_verdict(gate, k, piece, findings.get(k), distances.get(k, (_NOWHERE, _NOWHERE)))
         for k, piece in pieces.items()
     }
 
 
-def _verdict(
+def piece_verdict(
     gate: PieceJudge, k: int, piece: SmoothPiece, finding: OcctFinding | None, away: tuple[MeshDistances, MeshDistances]
 ) -> Acceptance:
+    """Judge piece k. away : distances of piece from mesh, and of mesh from piece."""
     if piece.refused or finding is None:
         return Acceptance(piece.refused or "OCCT did not read it within the time limit")
     mesh_volume, gap, widest = gate.volumes[k], max(piece.gap, finding.gap), GAP_SHARE * gate.limits.thickness
@@ -174,7 +175,7 @@ class SmoothPlan(SolidPlan):
                 needed.add(chart)
             return bool(needed)
 
-        atlas.make(np.unique(fields.argmax(axis=1)[self._unfinished_vertices(finished)]), hopeless=hopeless)
+        atlas.make(np.unique(fields.argmax(axis=1)[self.unfinished_vertices(finished)]), hopeless=hopeless)
         if needed:
             raise ExportError(atlas.failed[needed.pop()])
         sheet = sheet_of(self.curved.divided(atlas.fields), self.curved.shift)
@@ -192,7 +193,8 @@ class SmoothPlan(SolidPlan):
         model = SmoothModel(atlas.charts, builder.nodes, pieces, self.limits.thickness)
         return SmoothSolid(gate, builder, model, requested)
 
-    def _unfinished_vertices(self, finished: Collection[int]) -> Ints:
+    def unfinished_vertices(self, finished: Collection[int]) -> Ints:
+        """Return the vertices (k,) around solids that are not finished."""
         is_unfinished = np.isin(self.whole.piece, _unfinished_pieces(self.gate, finished))
         points = self.whole.V[np.unique(self.whole.F[is_unfinished])]
         marks = np.zeros(self.surface.n, dtype=bool)

@@ -48,7 +48,7 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
         seeds.append(int(np.argmax(_nearest_seeds(graph, seeds)[1])))
     for _ in range(rounds):
         for _ in range(3):
-            seeds = _middles(surface, _nearest_seeds(graph, seeds)[0])
+            seeds = middle_faces(surface, _nearest_seeds(graph, seeds)[0])
         label = _nearest_seeds(graph, seeds)[0]
         cosine = _cosines(surface, label)
         least = np.full(len(seeds), 2.0)
@@ -81,7 +81,8 @@ def _nearest_seeds(graph: csr_array, seeds: list[int]) -> tuple[Ints, Floats]:
     return number[source], distance
 
 
-def _middles(surface: Surface, label: Ints) -> list[int]:
+def middle_faces(surface: Surface, label: Ints) -> list[int]:
+    """Return the face nearest to the middle of each cluster; label : (m,) cluster of each face."""
     area = np.bincount(label, surface.areas)
     middle = np.stack([np.bincount(label, surface.areas * c) for c in surface.centroids.T], axis=1) / area[:, None]
     away = np.linalg.norm(surface.centroids - middle[label], axis=1)
@@ -101,9 +102,12 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
     """Straighten the borders of charts. Divide charts that are too steep or not connected, and straighten again."""
+    f, g = (surface.edges.pairs // 3).T
     for turn in range(5):
-        fields = _diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)
-        label = _parts(surface, fields[surface.F].sum(axis=1).argmax(axis=1))
+        fields = diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)
+        label = fields[surface.F].sum(axis=1).argmax(axis=1)
+        is_joined = label[f] == label[g]
+        label = link_components(surface.m, f[is_joined], g[is_joined])[1]
         cosine = _cosines(surface, label)
         bad = np.unique(label[cosine < least])
         if not len(bad) and label.max() + 1 == len(np.unique(fields.argmax(axis=1))):
@@ -113,7 +117,8 @@ def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
     return np.asarray(fields[:, np.unique(fields.argmax(axis=1))])
 
 
-def _diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
+def diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
+    """Diffuse labels (m,) of faces over `share` of the usual length; returns a field (n, c) for each label."""
     count = int(label.max()) + 1
     stiffness = -igl.cotmatrix(surface.V, surface.F)
     mass = voronoi_mass(surface)
@@ -132,12 +137,6 @@ def _diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
             fields[:, moved] = step.solve(chosen[:, moved])
             load = chosen
     return fields
-
-
-def _parts(surface: Surface, label: Ints) -> Ints:
-    f, g = (surface.edges.pairs // 3).T
-    is_joined = label[f] == label[g]
-    return link_components(surface.m, f[is_joined], g[is_joined])[1]
 
 
 def _halve(surface: Surface, label: Ints, bad: int, cosine: Floats) -> None:

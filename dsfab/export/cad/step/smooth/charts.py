@@ -258,7 +258,7 @@ def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPo
     M = cubic_midpoints(P, d, ends)
     chord = np.linalg.norm(M - end_means(P, ends), axis=1)
     uv = np.concatenate([V - origin, M - origin]) @ axes[:2].T
-    P, d = np.concatenate([P, M]), np.concatenate([d, _mean(d, ends)])
+    P, d = np.concatenate([P, M]), np.concatenate([d, mean_half_vectors(d, ends)])
     is_core, inside = (np.concatenate([x, x[ends].all(axis=1)]) for x in (core, core & ~dense.boundary[used]))
     inside = inside if inside.any() else is_core
     weight = np.where(inside, 1.0, np.where(is_core, BOUNDARY, OUTSIDE))
@@ -266,7 +266,8 @@ def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPo
     return SkinPoints(origin, axes, steepest, uv, Q, inside, weight, float(np.percentile(chord, 90)))
 
 
-def _mean(d: Floats, ends: Ints) -> Floats:
+def mean_half_vectors(d: Floats, ends: Ints) -> Floats:
+    """Return (e, 3) mean directions of half vectors (n, 3) at both ends (e, 2) of edges, with their mean length."""
     middle, length = end_means(d, ends), end_means(np.linalg.norm(d, axis=1), ends)
     return np.asarray(middle * (length / np.maximum(np.linalg.norm(middle, axis=1), 1e-300))[:, None])
 
@@ -345,7 +346,7 @@ class ChartAtlas:
                 todo += halves
                 continue
             try:
-                chart = self._chart(k, FIRST_POLES * (2 if turn else 1), FEW_POLES if may and not turn else MOST_POLES)
+                chart = self.chart(k, FIRST_POLES * (2 if turn else 1), FEW_POLES if may and not turn else MOST_POLES)
                 if may and chart.off > chart.tolerance:
                     self._divide(k, (self._levels[0].points - chart.origin) @ chart.axes[0])
                     todo += halves
@@ -390,7 +391,8 @@ class ChartAtlas:
             fields = below.carry(fields)
         return fields
 
-    def _chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
+    def chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
+        """Fit chart k with `first_poles` to `most_poles` poles on a side."""
         of_chord = 0.3  # the tolerance includes this fraction of the mesh's chord error
         most_divisions = 2  # largest number of divisions of a coarse mesh
         F = self.surface.F

@@ -119,17 +119,19 @@ class RunRequest(NamedTuple):
     level: int
 
 
-class _RunPart(NamedTuple):
+class RunPart(NamedTuple):
+    """A part of a run, and its curve in the plane of the chart."""
+
     asked: RunRequest
     flat: Spline
 
 
 def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[SmoothEdge]]:
     """Fit the edges of all runs at once; return a list of edges for each run."""
-    run_parts = _parts(requests, nodes, allowed)
+    run_parts = flat_parts(requests, nodes, allowed)
     parts = [part for group in run_parts for part in group]
     nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
-    fits = _on_skins(parts, nodes, [allowed.in_space(part.asked.run, part.asked.level) for part in parts])
+    fits = skin_curves(parts, nodes, [allowed.in_space(part.asked.run, part.asked.level) for part in parts])
     edges = iter(
         edge_on_nodes(part.asked.run, space, {part.asked.chart: part.flat}, distance, nodes, wall=True)
         for part, (space, distance) in zip(parts, fits, strict=True)
@@ -137,7 +139,7 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
     return [[next(edges) for _ in group] for group in run_parts]
 
 
-def _on_skins(parts: list[_RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
+def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
     """Fit curves on both skins above curves in the plane, within `tolerances` (mm); return each curve and its largest
     error. A wavy skin needs more samples."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
@@ -151,9 +153,10 @@ def _on_skins(parts: list[_RunPart], nodes: OutlineNodes, tolerances: list[float
     return [results[i] for i in range(len(parts))]
 
 
-def _parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[_RunPart]]:
+def flat_parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[RunPart]]:
+    """Fit curves in the plane of the charts; a run that no curve follows within its tolerance has several parts."""
     lines = [nodes.uv[request.chart][request.run.vertices] for request in requests]
-    results = {i: [_RunPart(requests[i], segment_spline(*line))] for i, line in enumerate(lines) if len(line) == 2}
+    results = {i: [RunPart(requests[i], segment_spline(*line))] for i, line in enumerate(lines) if len(line) == 2}
     curved_numbers = [i for i in range(len(requests)) if i not in results]
     samples = [even_samples(lines[i]) for i in curved_numbers]
     steep = [float(nodes.steep[requests[i].chart][requests[i].run.vertices].max()) for i in curved_numbers]
@@ -163,11 +166,11 @@ def _parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeToleran
     fits = splines_through(samples, tolerances)
     for i, (x, Q), tolerance, (flat, distance) in zip(curved_numbers, samples, tolerances, fits, strict=True):
         if distance <= tolerance:
-            results[i] = [_RunPart(requests[i], flat)]
+            results[i] = [RunPart(requests[i], flat)]
         else:
             halves[i] = _halves(requests[i], lines[i], float(x[np.linalg.norm(flat(x) - Q, axis=1).argmax()]))
     if halves:
-        deeper = _parts([half for two in halves.values() for half in two], nodes, allowed)
+        deeper = flat_parts([half for two in halves.values() for half in two], nodes, allowed)
         results |= {i: deeper[2 * j] + deeper[2 * j + 1] for j, i in enumerate(halves)}
     return [results[i] for i in range(len(requests))]
 

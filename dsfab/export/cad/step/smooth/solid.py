@@ -162,11 +162,9 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
     edges = [piece.edges[i] for loop in skin.loops for i, _ in loop]
     flat = np.stack([edge.flat[skin.chart](x) for edge in edges])
     start, end = flat[:, :-1].reshape(-1, 2), flat[:, 1:].reshape(-1, 2)
-    chord_a, chord_b = _close_chords(start, end)
-    is_crossing = _lies_across(start, end, chord_a, chord_b) & _lies_across(start, end, chord_b, chord_a)
     places = np.stack([edge.upper(x[:-1]) for edge in edges]).reshape(-1, 3)
     ends = np.concatenate([edge.upper(x[[0, -1]]) for edge in edges])
-    crossing = np.unique(np.r_[chord_a[is_crossing], chord_b[is_crossing]])
+    crossing = np.unique(crossing_chords(start, end))
     return np.concatenate([places[crossing], ends[_twisted_ends(edges, skin)]])
 
 
@@ -189,7 +187,8 @@ def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     return np.concatenate([2 * before[bad] + forwards[before[bad]], 2 * bad + ~forwards[bad]])
 
 
-def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
+def crossing_chords(start: Floats, end: Floats) -> Ints:
+    """Return pairs (p, 2) of crossing chords that run from points (k, 2) to points (k, 2) and have no common end."""
     middle, long = (start + end) / 2, np.linalg.norm(end - start, axis=1)
     reach = long.max()
     chord_a, chord_b = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
@@ -200,7 +199,9 @@ def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
     for a in (start, end):
         for b in (start, end):
             meet |= np.linalg.norm(a[chord_a] - b[chord_b], axis=1) < 1e-9 * reach
-    return chord_a[~meet], chord_b[~meet]
+    chord_a, chord_b = chord_a[~meet], chord_b[~meet]
+    is_crossing = _lies_across(start, end, chord_a, chord_b) & _lies_across(start, end, chord_b, chord_a)
+    return np.stack([chord_a, chord_b], axis=1)[is_crossing]
 
 
 def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:

@@ -121,13 +121,13 @@ def findings(
         path.write_text(text, encoding="ascii")
         look = (lambda: on_triangles(mesh_in(folder, {"deflection": deflection}))) if on_triangles else None
         try:
-            records = _records(program, str(path), folder, deflection, limit, look)
+            records = solid_records(program, str(path), folder, deflection, limit, look)
         except (subprocess.TimeoutExpired, ProgramError):
             return []
         return [_finding(record, Path(folder) / f"{i}.stl") for i, record in enumerate(records)]
 
 
-def _records(
+def solid_records(
     program: PreparedProgram,
     path: str,
     folder: str,
@@ -135,6 +135,7 @@ def _records(
     limit: float,
     look: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
+    """Return what the program reports about each solid of a file; arguments as in `findings`."""
     program.send("pieces", path, folder, str(deflection), *(["whole"] if look else []))
     mesh_path = Path(folder) / "mesh.npz"
     line = program.answer_with_work(mesh_path.exists, look, limit) if look else program.answer(limit)

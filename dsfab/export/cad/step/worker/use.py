@@ -47,8 +47,8 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
     tried = list(_cuts(shape, box, whole_volume, cuts, every_cut))
     missed = [errors.fault for errors in tried]
     go_on = every_cut or not any(missed)
-    box_errors = _volume_errors(_split(shape, _box(box)), whole_volume) if go_on else INVALID
-    rounded = _fillet_counts(shape) if go_on else (0, 0)
+    box_errors = volume_errors(_split(shape, _box(box)), whole_volume) if go_on else INVALID
+    rounded = fillet_counts(shape) if go_on else (0, 0)
     return {
         "solids": len(parts(shape, "SOLID")),
         "valid": is_valid(shape),
@@ -76,7 +76,7 @@ def sample(path: Path) -> dict[str, Any]:
     shape = read(path)
     box = bounds(shape)
     halves = _split(shape, _half_space(box, PLANES[0]))
-    lost = _volume_errors(halves, _volume(shape)).fault if halves else 1.0
+    lost = volume_errors(halves, _volume(shape)).fault if halves else 1.0
     return {"box": box, "halves": bool(halves), "off": lost, "seconds": time.process_time() - begin}
 
 
@@ -111,7 +111,8 @@ class VolumeErrors(NamedTuple):
 INVALID = VolumeErrors(1.0, 1.0)
 
 
-def _volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
+def volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
+    """Return the errors of the halves of a cut; `INVALID` without halves. whole_volume : cubic millimetres."""
     if not halves:
         return INVALID
     alone = abs(sum(map(_volume, halves)) / whole_volume - 1)
@@ -122,7 +123,7 @@ def _volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
 
 def _cuts(shape: Any, box: list[float], whole_volume: float, cuts: int, every_cut: bool) -> Iterator[VolumeErrors]:
     for plane in PLANES[:cuts]:
-        missed = _volume_errors(_split(shape, _half_space(box, plane)), whole_volume)
+        missed = volume_errors(_split(shape, _half_space(box, plane)), whole_volume)
         yield missed
         if missed.fault and not every_cut:
             return
@@ -214,10 +215,11 @@ def _survives_rewriting(shape: Any, whole_volume: float) -> bool:
     return counts[0] == counts[1] and is_valid(copy) and abs(_volume(copy) / whole_volume - 1) <= TOGETHER_LIMIT
 
 
-def _fillet_counts(shape: Any) -> tuple[int, int]:
+def fillet_counts(shape: Any) -> tuple[int, int]:
+    """Return the number of edges across the sheet that OCCT rounded, and the number of edges that it tried."""
     from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 
-    edges = _thickness_edges(shape)
+    edges = thickness_edges(shape)
     tried = edges[:: max(1, -(-len(edges) // FILLETS))]
     count = 0
     for edge, length in tried:
@@ -231,7 +233,7 @@ def _fillet_counts(shape: Any) -> tuple[int, int]:
     return count, len(tried)
 
 
-def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
+def thickness_edges(shape: Any) -> list[tuple[Any, float]]:
     """Return the sharp edges from skin to skin, and their lengths: straight edges of the most frequent length.
     Edges that smoothly continue other edges are excluded, because they lie between skin and wall."""
     from OCP.BRep import BRep_Tool
