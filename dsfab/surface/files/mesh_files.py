@@ -26,7 +26,7 @@ OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow 
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Join the faces of a mesh at coincident vertices if only the file's format separates the faces.
+    """Join the faces of a mesh at coincident vertices if they are separate only because of the file's format.
     Return the file and a text about the repair. Faces are joined in two cases: no two faces share a vertex, as in STL
     files, or each free edge coincides with another free edge. Other coincident vertices may be an intended joint and
     stay apart. No edge gets more than two faces."""

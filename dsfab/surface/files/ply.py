@@ -52,11 +52,11 @@ class PlyElement:
         return MalformedFileError(f"it announces {self.count:,} records of {self.name!r}, but ends before the last one")
 
 
-Columns = dict[str, Any]  # Per property: values (count,), or all values (c,) of lists and their lengths (count,).
+Columns = dict[str, Any]  # By property: values (count,); for lists, all values (c,) and the lengths (count,).
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
-    """Return the numbers (c,) at the beginning of a text, up to the first other word, and whether this word exists."""
+    """Return the numbers (c,) at the beginning of a text, and True if another word follows them."""
     parts, position, odd = [np.empty(0)], 0, False
     while position < len(body) and not odd:
         gap = _SPACE.search(body, position + BLOCK)

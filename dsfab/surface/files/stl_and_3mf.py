@@ -87,7 +87,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     budget.require_triangles(len(numbers) // 9)
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
-    parts = len(_SOLID.findall(text))  # parts begin with the word solid, but may be open
+    parts = len(_SOLID.findall(text))  # each part begins with the word solid, even an open one
     counts = Counter({Content("face"): len(numbers) // 9, Content("part"): parts if parts > 1 else 0})
     return TriangleFile(V, F, doubts=doubts, content=contents(counts))
 
@@ -98,14 +98,14 @@ def _line_number(text: str, position: int) -> int:
 
 _NAMESPACES = "core materials production beamlattice slice trianglesets".split()  # noqa: SIM905
 """Words in the names of extensions of 3MF that dsfab reads, or that do not change shapes."""
-_TAKEN = ("model", "surface")  # Types of objects that belong to the model, unlike aids of a print.
+_TAKEN = ("model", "surface")  # Types of objects that belong to the model; other types help only the printing.
 _ROOT = re.compile(r"""Target\s*=\s*["']([^"']+\.model)["']""", re.IGNORECASE)
 Key = tuple[str, str]  # Name of a part of the file, and number of an object in this part.
 
 
 def read_3mf(data: bytes, budget: Budget) -> TriangleFile:
     """Return the triangles of all objects on the build plate of a 3MF file, in double precision, at their places.
-    Aids of a print, such as supports, are ignored. Source: 3MF Consortium, core specification 1.4. Raises
+    Printing aids, such as supports, are ignored. Source: 3MF Consortium, core specification 1.4. Raises
     MalformedFileError for a damaged file, SurfaceError beyond the budget."""
     plate = _Plate(budget, _archive_texts(data, budget))
     for key in (*plate.unprinted, *(key for key, _ in plate.items)):
@@ -234,10 +234,10 @@ _AID = Content("modifier", "dropped", "or support of its slicer")
 
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
-    """Return the aids of a print, such as supports, from the settings of a slicer.
-    A key (object, component) has an empty list: the component is an aid. A key (object, "") has the first and the last
-    triangle of each aid. Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config [Bambu Studio,
-    OrcaSlicer]."""
+    """Return the printing aids, such as supports, from the settings of a slicer program.
+    The key (object, component) with an empty list marks a whole component as an aid. The key (object, "") lists the
+    first and the last triangle of each aid. Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config [Bambu
+    Studio, OrcaSlicer]."""
     aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):
         try:
