@@ -3,7 +3,7 @@
 A curve P + h N lies at a height h along the normals N of the axis. Its lengths, its angle phi to the axis, and its
 bending kg_h in the surface are
     ds_h = sqrt((1 - h kn)^2 + (h tg)^2) ds      phi = atan2(-h tg, 1 - h kn)      kg_h = (kg + phi') ds / ds_h
-The formulas follow from N' = -kn T - tg B (Darboux frame)."""
+They follow from N' = -kn T - tg B. T, B, N is the Darboux frame; kg, kn, tg are its curvatures and its torsion."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

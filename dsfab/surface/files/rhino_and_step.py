@@ -60,8 +60,7 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
-    """Return the meshes of a 3DM file, also those saved with its surfaces. Blocks are expanded, vertices are not
-    joined.
+    """Return the meshes of a 3DM file, also those saved with its surfaces; blocks are expanded, vertices not joined.
     Raises SurfaceError for a file whose surfaces have no saved meshes. See `read_rhino` for other errors."""
     model = _model(path)
     drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0

@@ -95,7 +95,7 @@ CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of a curve's chords, as fr
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with graded wanted edge lengths, metres.
+    """Return the net with wanted edge lengths, metres, that change gradually (`GRADE`).
     base   : (n,) or a number, largest lengths, metres.
     chords : (p,) largest chord lengths at points of the curves, metres.
     Lengths are smaller at bends of curves, because of `chords`, and at narrow places."""

@@ -23,7 +23,7 @@ from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5  # Edges over 4/3 of the wanted length are halved, edges under 4/5 collapse.
-ROUNDS, POLISH = 5, 10  # Numbers of rounds with changes of vertices, and of later rounds of flips and moves.
+ROUNDS, POLISH = 5, 10  # Numbers of rounds that add and remove vertices, then of rounds of flips and moves.
 LEAST_TURN_COSINE = 0.3  # Cosine of the largest rotation of a face in one step, about 70 degrees.
 FOLDED = -0.5  # Largest cosine of the angle between the normals of two faces in a fold (120 degrees).
 
@@ -281,7 +281,7 @@ def mirror_union(field: Field, axis: int = 1) -> Field:
 
 @dataclass(frozen=True)
 class LevelSet:
-    """The zero set of a field as a chart. The coordinates are those of the points; the border lies at z = floor."""
+    """Chart of the surface on which a field is zero, with points as coordinates; the border is at z = floor."""
 
     field: Field
     reach: float

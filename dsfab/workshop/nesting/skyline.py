@@ -118,7 +118,7 @@ def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Float
 
 @dataclass(frozen=True, eq=False)
 class NestedPart:
-    """Part rotated by a multiple of 90 degrees (radians) and moved to its place on a sheet (m)."""
+    """Part rotated by a multiple of a right angle (radians) and moved to its place on a sheet (m)."""
 
     part: FlatPart
     turn: float

@@ -1,8 +1,8 @@
 """The parts of a structure of planks, developed along the normals of the surface.
 
-A plank is the ruled surface P(s) + y N(s), with the normal -B = -N x T on the axis. The flat plank bends by kn in its
-own plane. In the structure it bends by kg across this plane and twists by tg. The twist strains the edges of a plank
-of depth h by tg^2 h^2 / 8."""
+A plank is the ruled surface P(s) + y N(s), with the normal -B = -N x T on the axis (symbols as in `StripCourse`).
+The flat plank bends by kn in its own plane. In the structure it bends by kg across this plane and twists by tg. The
+twist strains the edges of a plank of depth h by tg^2 h^2 / 8."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
