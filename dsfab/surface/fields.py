@@ -17,7 +17,7 @@ from dsfab.surface.mesh import Surface
 
 def hat_gradients(surface: Surface) -> Floats:
     """Return the gradients of the three hat functions on each face, (m, 3 corners, 3 xyz), per metre.
-    Formula: grad phi_i = n x (p_k - p_j) / (2 A), with i, j, k counter-clockwise about the normal n."""
+    Formula: grad phi_i = n x (p_k - p_j) / (2 A), for corners i, j, k counter-clockwise about the normal n, area A."""
     P = surface.V[surface.F]
     u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # edges opposite to the corners
     x, y, z = surface.normals.T[:, :, None]

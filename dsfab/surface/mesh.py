@@ -34,7 +34,7 @@ def signed_volume(V: Floats, F: Ints) -> float:
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
-    """Return the signed volume (count,) of each closed shell, negative for voids; shell : (m,) of each face."""
+    """Return the signed volume (count,) of each closed shell, negative for voids. shell : (m,) shell of each face."""
     return np.bincount(shell, _tetrahedron_volumes(V, F), count).astype(np.float64)
 
 

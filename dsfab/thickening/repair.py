@@ -120,7 +120,7 @@ class RepairedSkin:
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
     If the sheet crosses itself, dsfab cuts it into patches and unites their solids.
-    among : mask of the skin's faces that may intersect, with offsets D and any diagonals; by default all faces."""
+    among : mask of the skin's faces that may intersect, however walls are divided; by default all faces."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)

@@ -81,7 +81,7 @@ def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j:
 
 
 def _corners_meet(V: Floats, s: Ints, first_edge: tuple[Ints, Ints], second_edge: tuple[Ints, Ints]) -> Bools:
-    """Return True if triangles (s, a, b) and (s, c, d) meet outside s, exactly.
+    """Return True if triangles (s, a, b) and (s, c, d) meet outside s; an exact test.
     Edge ab then meets the second triangle, or edge cd the first, or the angles at s overlap in a common plane."""
     S, A, B, C, D = V[s], V[first_edge[0]], V[first_edge[1]], V[second_edge[0]], V[second_edge[1]]
     a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)

@@ -180,7 +180,7 @@ class Solid:
         return solid
 
     def to_build123d(self) -> "build123d.Shape":
-        """Return the mesh as planar CAD faces, millimetres, as in STEP; `to_build123d` of a design is smooth."""
+        """Return planar CAD faces, millimetres, as in STEP. The `to_build123d` of a design returns smooth faces."""
         from dsfab.design.output import to_build123d
 
         return to_build123d(self)

@@ -123,7 +123,7 @@ def uncurled_span(member: Member) -> tuple[float, float]:
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
     """Return smooth distances (k,) to the left and to the right edge (m).
     sides : (k, 2) distances to the two edges as cut on a mesh, metres.
-    Edges become parallel to the axis if they deviate from it by noise only. Other edges are smoothed."""
+    Edges that are nearly parallel to the axis become exactly parallel. Other edges are smoothed."""
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)

@@ -145,7 +145,7 @@ class SheetJoint:
         return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """Return the number of pieces into which a length is cut, for stock with `room` (m).
+        """Return the number of pieces into which a length `size` is cut, for stock of the length `room` (m).
         Raises PatternError if the joints are too long."""
         if size <= room:
             return 1

@@ -24,7 +24,7 @@ class Cuts:
 
 
 def box_fits(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
-    """Return whether the box around points (k, 2) along a direction (2,) fits into one of the rectangles."""
+    """Return whether the box around points (k, 2) along a direction (2,) fits into one of the rectangles of `room`."""
     direction = along / np.linalg.norm(along)
     a, b = float(np.ptp(outline @ direction)), float(np.ptp(outline @ [-direction[1], direction[0]]))
     return any((a <= x and b <= y) or (b <= x and a <= y) for x, y in room)

@@ -209,8 +209,8 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
     return np.asarray(covered_samples == len(SAMPLES))
 
 
-COPY_GAP = 1 / 500  # Largest distance of two copies of a sheet, divided by the square root of its area.
-PARALLEL_GAP = 0.08  # Largest distance of two parallel sheets, divided by the square root of their area.
+COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of its area.
+PARALLEL_GAP = 0.08  # Largest distance between parallel sheets, divided by the square root of their area.
 LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of two parallel sheets, smaller to larger.
 IGNORED_SHARE = 0.1  # Fraction of the area ignored at each end, where the distances are smallest and largest.
 
@@ -373,7 +373,7 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
     """Yield sentences on overlapping faces of a mesh V (n, 3), F (m, 3), except the faces `reported` (k,).
-    The vertices are first merged as in the repair of the mesh."""
+    Near vertices are merged first, as in the repair of the mesh."""
     sound = np.flatnonzero(in_reach(V)[F].all(axis=1))
     used, near = np.unique(F[sound], return_inverse=True)
     V, became = merged_vertices(V[used], WELD, partial(crossing_pairs, near.reshape(-1, 3)))

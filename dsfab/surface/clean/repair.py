@@ -33,7 +33,7 @@ from dsfab.surface.topology import (
 )
 
 CRUMB = 0.01  # The repair removes loose pieces smaller than this fraction of the mesh's area.
-PINHOLE = 1e-3  # Longest outline of a closed hole, as a fraction of the mesh's largest dimension.
+PINHOLE = 1e-3  # The repair closes holes with outlines shorter than this times the mesh's largest dimension.
 _NO_AREA = "without area"
 _DOUBT = " (a large part of the mesh: check that all parts are in one unit)"
 _ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far away as the rest of the mesh"
@@ -184,8 +184,8 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
-HOLE = 0.15  # Longest outline of a filled hole in a scan, as a fraction of the mesh's largest dimension.
-SPECK = 0.05  # Largest area of a removed piece of a scan, as a fraction of the largest piece's area.
+HOLE = 0.15  # Holes of a scan are filled if their outline is shorter than this times its largest dimension.
+SPECK = 0.05  # Pieces of a scan are removed if their area is below this times the largest piece's area.
 FINE, SEVERAL = 0.01, 3
 """A mesh is a scan if its mean edge is below `FINE` times its largest dimension, and it has faults.
 The faults are `SEVERAL` small holes, or `SEVERAL` edges with more than two faces."""

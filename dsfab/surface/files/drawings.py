@@ -329,7 +329,7 @@ def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
 
 
 def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
-    """Join runs with common ends; yield closed curves without a repeated point. Raises SurfaceError for open curves."""
+    """Join curves (runs) at common ends; yield closed curves without a repeated point. Refuses open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
     ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # run k ends at points 2 k and 2 k + 1

@@ -110,7 +110,7 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: st
     """Read a file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP format, according to the suffix.
 
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
-    unit           : unit that replaces a unit of the file if dsfab does not know it.
+    unit           : unit of the coordinates, used only if dsfab does not know the unit that the file declares.
 
     The y axis of glTF files becomes z. Polygons are cut into triangles. STL and glTF vertices at exactly the same
     place become one vertex. For other formats, see `with_shared_vertices`. Unused vertices are removed.

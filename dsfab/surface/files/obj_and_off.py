@@ -124,7 +124,7 @@ def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], coun
 
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
-"""First words of files whose vertices have three coordinates, also with colours, normals or textures."""
+"""First words of OFF files with three coordinates per vertex, with or without colours, normals and textures."""
 
 
 def read_off(data: bytes, budget: Budget) -> PolygonFile:

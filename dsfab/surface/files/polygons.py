@@ -118,7 +118,7 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
     k = P.shape[1]
     a, b, c = np.roll(P, 1, axis=1), P, np.roll(P, -1, axis=1)
     convex = np.einsum("qki,qi->qk", np.cross(b - a, c - b), normal) > 0
-    other_corners = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3): not in the ear
+    other_corners = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3) corners outside the ear
     within = np.ones(other_corners.shape[:3], dtype=bool)
     for start, end in ((a, b), (b, c), (c, a)):
         side = np.cross((end - start)[:, :, None], other_corners - start[:, :, None])
@@ -266,8 +266,8 @@ class CutPolygons:
 
 def triangles(mesh: Polygons) -> CutPolygons:
     """Cut polygons into triangles, by `quad_triangles`, `small_polygon_triangles` or `large_polygon_triangles`.
-    Polygons with fewer than three corners are dropped. The caller must refuse a polygon with a missing or infinite
-    vertex, which becomes a fan."""
+    Polygons with fewer than three corners are dropped. A polygon with a missing or infinite vertex
+    becomes a fan; the caller must refuse it."""
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
     cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quad_triangles(mesh.V, mesh.corners, mesh.sizes, of4)]
@@ -286,7 +286,8 @@ def triangles(mesh: Polygons) -> CutPolygons:
 
 
 def _polygon_triangles(V: Floats, corners: Ints) -> tuple[Ints, Bools]:
-    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons (q, k), and those (q,) that cross themselves."""
+    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons (q, k); and which polygons (q,) cross
+    themselves."""
     q, k = corners.shape
     is_valid = (corners >= 0) & (corners < len(V))
     P = V[np.where(is_valid, corners, 0)] if len(V) else np.zeros((q, k, 3))

@@ -235,7 +235,7 @@ class TriangleFile:
 
 
 def declared_unit(word: str) -> str | None:
-    """Return the unit for a format's word, such as 'Yards'; None for no unit; an unknown word in lower case."""
+    """Return the unit that a file names by a word, such as 'Yards'; None for no unit; unknown words in lower case."""
     lower = word.lower()
     return None if lower in ("none", "unset", "unitless") else UNIT_WORDS.get(lower, lower)
 
@@ -272,7 +272,7 @@ BLOCK = 1 << 20  # Number of characters that are split into lines between two ch
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file (its lines end with line feeds), remarks on likely faults, and True if the last line ends."""
+    """The text of a file (lines end with line feeds), remarks on likely faults; True if the last line is complete."""
 
     text: str
     doubts: tuple[str, ...]

@@ -44,8 +44,8 @@ CHUNK = 1 << 14  # Number of triangles or XML elements between two checks of the
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
     """Return the triangles of an STL file, with coincident corners merged.
-    A file is binary if its length fits its binary header, because binary files may also begin with "solid". Raises
-    MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
+    A file is binary if it has the length that its binary header announces; binary files may also begin with "solid".
+    Raises MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD

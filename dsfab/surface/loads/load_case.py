@@ -40,7 +40,7 @@ class Snow:
     shape: Literal["", "mu1"] = ""
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
-        """Return the traction (m, 3), Pa. Its sum over the areas is `pressure` times the plan area of the faces."""
+        """Return the traction (m, 3), Pa. Its integral is `pressure` times the plan area of the faces."""
         _require_pressure(self.kind, self.pressure)
         d = unit_vector(self.direction, f"a load of kind '{self.kind}'")
         towards = -(outward_normals(surface) @ d)
@@ -305,7 +305,7 @@ class Line:
     name: Name = ""
 
     def on_edges(self, surface: Surface) -> Floats:
-        """Return the load (e, 3), N/m. Its sum over the lengths of edges is `per_metre` times the line's length."""
+        """Return the load (e, 3), N/m. Its integral along the edges is `per_metre` times the line's length."""
         if not any(self.per_metre):
             raise SurfaceError("a load of kind 'line' is zero; give per_metre = [fx, fy, fz] in newtons per metre")
         line: Bools = np.asarray(self.at.vertices(surface)[surface.edges.ends].all(axis=1))

@@ -250,7 +250,7 @@ class Chamber:
         return Surface(V, F) if len(F) else None
 
     def planes_of(self, V: Floats) -> Bools:
-        """Return the planes (k, p) that contain the points V (p, 3), within rounding errors."""
+        """Mark (k, p) which planes contain which of the points V (p, 3), within rounding errors."""
         return np.asarray(np.abs(self.toward @ (V - self.mirrors.centre).T) < 1e-9 * self.whole.size)
 
     def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
@@ -262,10 +262,8 @@ class Chamber:
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface from new vertices V (p, 3) and faces F of one side; None if the topology would
-        change.
-        Return also the index (n,) in V of each vertex's original. None also if the length of the boundary would change.
-        """
+        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the index (n,) in V of each
+        vertex's original. Return None if the topology or the length of the boundary would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]

@@ -106,7 +106,7 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
         k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
     for vertex, width, slope in _narrow_places(net):
-        wide = width > TOLERANCE * edge  # places of smaller width are faults of the mesh
+        wide = width > TOLERANCE * edge  # narrower places are faults of the mesh
         row = 1.25 * np.maximum(width, edge * slope)[wide]  # one row of triangles across the narrow place
         np.minimum.at(size, vertex[wide], np.maximum(row, least))
     return replace(net, size=graded_sizes(net.V, net.edges.ends, size))

@@ -314,7 +314,7 @@ def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None
     low, high : corners of a box around the solid, metres.
     floor     : height of a plane that cuts the solid, metres; None for a closed surface. The surface is open at the
                 plane.
-    Raises SurfaceError for a length of edges that loses details, or that makes the mesh too large."""
+    Raises SurfaceError if `edge` is too long for the solid's details, or so short that the mesh is too large."""
     bottom, top = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
     if floor is not None:
         bottom[2] = floor

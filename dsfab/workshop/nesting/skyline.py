@@ -99,7 +99,7 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the minimum or maximum (k,) of segments in each of k columns.
+    """Return the extreme height (k,) of segments in each of k columns; f : numpy's minimum or maximum.
     corner : (k + 1,) limits of the columns.
     p, q   : (s, 2) ends of the segments, p left of q."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
