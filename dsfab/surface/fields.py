@@ -245,7 +245,7 @@ class CornerField:
     blank  : (m,) faces without a field; the cut leaves them whole.
     wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere.
     In a band, a place is material if more levels lie below x[:, 0] than below x[:, 1]. An opening
-    cut by earlier fields stays or disappears by the mean of `wanted` in it."""
+    cut by earlier fields stays or is filled, depending on the mean of `wanted` in it."""
 
     x: Floats
     sign: Floats

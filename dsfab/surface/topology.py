@@ -276,7 +276,7 @@ def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
 
 
 def adjacency(edges: EdgeTable, n: int) -> csr_array:
-    """Return a sparse matrix (n, n) with a one for each two vertices that an edge joins."""
+    """Return a sparse matrix (n, n) with an entry 1 for every two vertices that an edge joins."""
     i, j = _directed_edges(edges)
     return csr_array(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)))
 

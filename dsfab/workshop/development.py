@@ -109,7 +109,7 @@ def turns_within_its_width(member: Member) -> Bools:
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the arc lengths of a member without ends that curl up. Such ends remain where a sharp bend was divided."""
+    """Return the span of a member, arc lengths, without curled ends, which remain where a sharp bend was divided."""
     axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:

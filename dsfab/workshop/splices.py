@@ -111,7 +111,7 @@ def scarf_line(splices: int, lap: float) -> str:
 def lap_marks(
     layer: Development, span: tuple[float, float], full_span: tuple[float, float], lap: float, height: float
 ) -> tuple[Floats, ...]:
-    """Return lines and texts of the bevels of a piece; lap : half the overlap (m), which `full_span` includes."""
+    """Return the lines and texts that mark a piece's bevels. lap : half the overlap (m), included in `full_span`."""
     lines = list[Floats]()
     for k, (s, end) in enumerate(zip(span, full_span, strict=True)):
         if s != end:

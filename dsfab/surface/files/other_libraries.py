@@ -74,7 +74,7 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
 
 
 def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """Read an STL file by trimesh. Return V (n, 3), in the file's unit, and F (m, 3). Raises SurfaceError."""
+    """Return the vertices and the faces of an STL file by trimesh, in the file's unit. Raises SurfaceError."""
     import trimesh
 
     try:
@@ -87,7 +87,7 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
 
 
 def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
-    """Read a 3MF file by lib3mf. Return V (n, 3), file's unit, single precision, and F (m, 3). Raises SurfaceError."""
+    """Return the single-precision vertices and the faces of a 3MF file by lib3mf. Raises SurfaceError."""
     import lib3mf
 
     model, parts = lib3mf.get_wrapper().CreateModel(), list[tuple[Floats, Ints]]()

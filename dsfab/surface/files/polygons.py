@@ -286,8 +286,7 @@ def triangles(mesh: Polygons) -> CutPolygons:
 
 
 def _polygon_triangles(V: Floats, corners: Ints) -> tuple[Ints, Bools]:
-    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons (q, k); and which polygons (q,) cross
-    themselves."""
+    """Return triangles (q, k - 2, 3) of q polygons (q, k), as corners 0..k-1, and True (q,) for crossed polygons."""
     q, k = corners.shape
     is_valid = (corners >= 0) & (corners < len(V))
     P = V[np.where(is_valid, corners, 0)] if len(V) else np.zeros((q, k, 3))

@@ -116,7 +116,7 @@ class Content:
 
     @property
     def text(self) -> str:
-        """Count and kind: '2 hidden objects on layer 'old'."""
+        """Count and kind: `2 hidden objects on layer 'old'`."""
         return f"{count_phrase(self.count, self.kind)} {self.about}".rstrip()
 
 
@@ -185,7 +185,7 @@ class FileRecord:
 
     @property
     def mark_words(self) -> str:
-        """Words for supports, loads and regions: '2 curves on layer 'support'."""
+        """Words for supports, loads and regions: `2 curves on layer 'support'`."""
         return ", ".join(thing.text for thing in self.content if thing.fate == "marks")
 
     @property
@@ -438,7 +438,7 @@ _APART = "put the outlines into a separate drawing"  # Remedy in the messages ab
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) of a curve: the ends of spans (s,), and up to 1024 in each span for `CURVE_TOLERANCE`."""
+    """Return points (k, 3) of a curve: the ends of spans (s,), and up to 1024 per span as `CURVE_TOLERANCE` needs."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

@@ -209,7 +209,7 @@ def _points(curve: Any) -> Floats:
 
 
 def read_occt(path: Path) -> TriangleFile:
-    """Return the triangles of all faces, not joined: of STEP files in millimetres, of BREP files without a unit.
+    """Return the triangles of all faces, not joined. STEP files give millimetres; BREP files have no unit.
     Raises MalformedFileError for a file that OCCT cannot read, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib

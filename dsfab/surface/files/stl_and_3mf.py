@@ -198,7 +198,7 @@ class _Plate:
         return path.lstrip("/"), values["objectid"]
 
     def require_ends(self, key: Key, depth: int) -> int:
-        """Return the triangles of an object; raise MalformedFileError if it is missing or contains itself."""
+        """Return the number of triangles of an object. Refuse an object that is missing or contains itself."""
         if depth > 100:
             raise MalformedFileError("an object contains itself, or objects in over 100 nested levels")
         if key not in self.objects:

@@ -20,7 +20,7 @@ EDGE_ON = 1e-12  # A face is parallel to a direction if its normal and the direc
 
 @dataclass(frozen=True)
 class Snow:
-    """A load per *plan* area, Pa, along d = `direction` (any length): the force s A |n . d| d on a face of area A.
+    """A load per *plan* area, Pa, along the unit vector d of `direction`: a force s A |n . d| d on a face of area A.
 
     n is the face's unit normal; s is the load with its shape factor [EN 1991-1-3, 5.2]. An open sheet carries snow on
     all faces: pick only the upper part of an overhanging sheet. A closed surface carries snow only on upper faces.
@@ -69,7 +69,7 @@ def snow_shape_factor(slope: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Wind:
-    """Wind of velocity pressure q, Pa, that blows along d = `direction`: a pressure -c q n on each face, with
+    """Wind of velocity pressure q, Pa, along the unit vector d of `direction`: a pressure -c q n on each face, with
 
         c = windward (-n . d)   if the outside faces the wind (pressure),
         c = -leeward (n . d)    if the outside faces away (suction).

@@ -287,7 +287,7 @@ class _Plane:
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """Return the prism through the curves, `depth` deep to both sides; None reaches the surface's nearest part."""
+        """Return the prism through the curves, `depth` deep to both sides, or (None) to the surface's nearest part."""
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:

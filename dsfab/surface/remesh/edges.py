@@ -342,7 +342,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return which edges (q,) may flip: faces rotate by up to 37 degrees; least angles grow or exceed `LEAST_ANGLE`."""
+    """Return which edges (q,) may flip: faces rotate by at most 37 degrees, and the least angle stays large enough."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))

@@ -33,7 +33,7 @@ from dsfab.surface.remesh.smoothing import (
 )
 from dsfab.surface.topology import duplicate_faces, named_edges
 
-SHARP_ANGLE = 20.0  # A mirrored mesh is never replaced if its smallest angle is above this, degrees.
+SHARP_ANGLE = 20.0  # A mirrored mesh is always kept if its smallest angle is above this, degrees.
 
 
 def remeshed_surface(

@@ -187,7 +187,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
 
 Field = Callable[[Floats], Floats]  # Points (q, 3) -> approximate distances (q,) from a solid, m, negative inside.
 Point = Sequence[float] | Floats
-EDGE_CORRECTION = 0.9  # Factor on the wanted edge length, because remeshing makes edges too long.
+EDGE_CORRECTION = 0.9  # Remeshing makes edges too long; the wanted length is multiplied by this.
 
 
 def _norm(Q: Floats) -> Floats:

@@ -326,7 +326,7 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
     node_points = P[bay_ends.node]
     roots = node_points
-    for _ in range(rounds):  # each round's moves are e / (distance - e) times those before
+    for _ in range(rounds):  # each round moves the roots much less than the round before
         level = _level_directions(roots[bay_ends.opposite] - node_points, N[bay_ends.node])
         roots = node_points + root[bay_ends.node][:, None] * level
     return roots

@@ -250,7 +250,7 @@ def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> N
 
 
 def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float, grain: bool) -> list[NestedPart]:
-    # spyrrow computes in single precision, and `contours` omit some corners
+    # with a margin, because spyrrow computes in single precision, and `contours` omit some corners
     separation = gap + 1e-5 + 2 * OUTLINE_TOLERANCE
     items = [[part.contours[0].tolist(), _allowed_turns(part, size[1] - 2 * gap, grain)] for part in parts]
     job = {"items": items, "height": size[1], "length": size[0], "gap": separation, "seed": 1}

@@ -268,6 +268,6 @@ def _gap_area(sheet: OpenSheet, grid: ColumnGrid) -> float:
 
 
 def _column_windows(skyline: Floats, k: int) -> Floats:
-    """Return each run (q, k) of k columns as a view, because numpy's own function is slow."""
+    """Return all runs of k neighbouring columns, (q, k), as a view; numpy's own function is slow."""
     (step,) = skyline.strides
     return np.ndarray((len(skyline) - k + 1, k), skyline.dtype, skyline, strides=(step, step))

@@ -25,7 +25,7 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course of a plank from a course along the surface: the normal is -B, left is the surface normal."""
+    """Return the course of a plank from a course along the surface: its normal is T x N, and N points to its left."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)
