@@ -244,8 +244,8 @@ class CornerField:
     shift  : (m, 3) offset at each corner of a face. The value at the corner is sign * x + shift.
     blank  : (m,) faces without a field; the cut leaves them whole.
     wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere.
-    In a band, a place is material if more levels lie below x[:, 0] than below x[:, 1]. An opening
-    cut by earlier fields stays or is filled, depending on the mean of `wanted` in it."""
+    In a band, a place is material if more levels lie below x[:, 0] than below x[:, 1]. An opening cut by
+    earlier fields stays or is filled, depending on the mean of `wanted` in it."""
 
     x: Floats
     sign: Floats

@@ -237,7 +237,7 @@ def duplicate_faces(F: Ints) -> Ints:
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
     """Return a mask (m,) of the fewest faces to flip for a common orientation of each piece; None if impossible.
     Method: the mesh and a flipped copy are joined along all edges at which they agree (orientation double cover). A
-            piece is orientable if, and only if, its two copies stay separate."""
+    piece is orientable if, and only if, its two copies stay separate."""
     m = len(F)
     a, _ = half_edges(F)
     h0, h1 = edges.pairs.T

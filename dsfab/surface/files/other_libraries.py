@@ -74,7 +74,7 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
 
 
 def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """Return the vertices and the faces of an STL file by trimesh, in the file's unit. Raises SurfaceError."""
+    """Return vertices (n, 3) and faces (m, 3) of an STL file by trimesh, in the file's unit. Raises SurfaceError."""
     import trimesh
 
     try:
@@ -87,7 +87,7 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
 
 
 def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
-    """Return the single-precision vertices and the faces of a 3MF file by lib3mf. Raises SurfaceError."""
+    """Return single-precision vertices (n, 3) and faces (m, 3) of a 3MF file by lib3mf. Raises SurfaceError."""
     import lib3mf
 
     model, parts = lib3mf.get_wrapper().CreateModel(), list[tuple[Floats, Ints]]()

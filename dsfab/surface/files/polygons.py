@@ -266,8 +266,8 @@ class CutPolygons:
 
 def triangles(mesh: Polygons) -> CutPolygons:
     """Cut polygons into triangles, by `quad_triangles`, `small_polygon_triangles` or `large_polygon_triangles`.
-    Polygons with fewer than three corners are dropped. A polygon with a missing or infinite vertex
-    becomes a fan; the caller must refuse it."""
+    Polygons with fewer than three corners are dropped. A polygon with a missing or infinite vertex becomes a fan,
+    and the caller must refuse it."""
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
     cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quad_triangles(mesh.V, mesh.corners, mesh.sizes, of4)]
