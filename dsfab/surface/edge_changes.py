@@ -62,7 +62,7 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
 
 
 def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -> tuple[Floats, Ints, Ints]:
-    """Apply one step of Loop's subdivision with fixed edges (k, 2); return also the halves (2 k, 2) of these edges."""
+    """Apply one step of Loop's subdivision. The edges `fixed_edges` (k, 2) stay; return also their halves (2 k, 2)."""
     positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
@@ -110,7 +110,7 @@ def halved_edges(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[F
 
 
 def with_longest_edges(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
-    """Return the marked edges (e,) and, repeatedly, the longest edge of each face with a marked edge [Rivara 1984]."""
+    """Mark more edges (e,), until each face with a marked edge also has a marked longest edge [Rivara 1984]."""
     length = edge_lengths(V, edges.ends)[edges.of]
     longest = np.take_along_axis(edges.of, length.argmax(axis=1)[:, None], axis=1)[:, 0]
     while True:
@@ -122,14 +122,14 @@ def with_longest_edges(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
 
 
 def quads(F: Ints, pairs: Ints) -> Ints:
-    """Return a, b, c, d (q, 4) for edges a-b, with c and d opposite; `pairs` (q, 2) are the half-edges of the edges."""
+    """Return a, b, c, d (q, 4): the ends a, b of each edge with half-edges `pairs` (q, 2), and the opposite corners."""
     h0, h1 = pairs.T
     corners: Ints = np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)
     return np.asarray(F.ravel()[corners])
 
 
 def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
-    """Replace edges a-b of faces F (m, 3) by edges c-d in quads (q, 4) that share no faces; see `quads`."""
+    """Replace the edge a-b of each quad (q, 4) by c-d in faces F (m, 3), see `quads`. The quads share no faces."""
     a, b, c, d = quad.T
     F = F.copy()
     F[pairs[:, 0] // 3] = np.stack([a, d, c], axis=1)
@@ -153,7 +153,7 @@ def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
 
 
 def contracted_faces(F: Ints, onto: Ints) -> Ints:
-    """Return faces F (m, 3) with each vertex k replaced by onto[k], (n,), without faces that lost a corner."""
+    """Replace each vertex k of faces F (m, 3) by onto[k], (n,). Faces that lose a corner are removed."""
     F = onto[F]
     return np.asarray(F[has_three_corners(F)])
 
@@ -165,7 +165,7 @@ def has_three_corners(F: Ints) -> Bools:
 
 
 def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = None) -> Bools:
-    """Return which candidates (c,) come before all other candidates that touch one of their vertices.
+    """Return which candidates (c,) are better than every other candidate that shares a vertex with them.
     order   : (c,) the candidates, best first.
     touched : (c, k) vertices that each candidate touches, 0..n-1.
     edges   : (e, 2) edges of the mesh, to compare also candidates at neighbouring vertices; else None."""
@@ -180,7 +180,7 @@ def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = 
     return np.asarray((least_rank[touched] >= rank[:, None]).all(axis=1))
 
 
-LEAST_ANGLE_GAIN = 1.0  # Least increase of the smallest angle of two faces by a flip, degrees.
+LEAST_ANGLE_GAIN = 1.0  # A flip must increase the smallest angle of its two faces by at least this, degrees.
 
 
 def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:
@@ -216,7 +216,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
     np.maximum.at(best_gain, (h // 3).ravel(), np.repeat(gain, 2))
     chosen = np.flatnonzero((gain > LEAST_ANGLE_GAIN) & (gain[:, None] == best_gain[h // 3]).all(axis=1))
     first_face, second_face = h[chosen].T // 3
-    # if two flips at a face have equal gains, the first counts
+    # of two equally good flips of a face, take the first
     first_places = np.unique(np.concatenate([first_face, second_face]), return_index=True)[1]
     once = np.zeros(2 * len(chosen), dtype=bool)
     once[first_places] = True
@@ -230,7 +230,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Return which quads (k, 4) of faces (k, 2) may flip: c-d is new and near the surface, and no face turns over."""
+    """Mark the quads (k, 4) of faces (k, 2) that may flip: c-d is new and near the surface, and no face turns over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

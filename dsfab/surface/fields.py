@@ -17,7 +17,7 @@ from dsfab.surface.mesh import Surface
 
 def hat_gradients(surface: Surface) -> Floats:
     """Return the gradients of the three hat functions on each face, (m, 3 corners, 3 xyz), per metre.
-    Formula: grad phi_i = n x (p_k - p_j) / (2 A), with i, j, k counter-clockwise about the normal n."""
+    Formula: grad phi_i = n x (p_k - p_j) / (2 A), for corners i, j, k counter-clockwise about the normal n, area A."""
     P = surface.V[surface.F]
     u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # edges opposite to the corners
     x, y, z = surface.normals.T[:, :, None]
@@ -63,7 +63,7 @@ class StructureLine:
     """A line of the structure, as a polyline on the surface.
     kind   : "edge", an edge of the material, or "centre", the middle line of a member.
     family : "major", "minor", "keep", "rim", or "boundary" where material ends with the surface.
-    number : number of the stripe in its family, equal to the stripe coordinate on the middle line; 0 without stripes.
+    number : number of the stripe in its family: the stripe coordinate of its middle line; 0 without stripes.
     part   : 1, 2, ... among the lines of the same kind, family and number.
     points : (k, 3) metres; the last point repeats the first if the line is closed.
     length : length of the line on the mesh, before any simplification, metres."""
@@ -91,7 +91,7 @@ class StructureLine:
 
     @property
     def id(self) -> str:
-        """Name of the line, equal in every computation of the design: `centre-major-3.1`."""
+        """Name of the line, the same each time the design is computed: `centre-major-3.1`."""
         return f"{self.layer}-{self.number}.{self.part}"
 
 
@@ -130,7 +130,7 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 
 class _Nodes(NamedTuple):
-    """Points where levels cross edges. Edge e has the nodes from offset[e] on, and the levels from begin[e] on."""
+    """Points where level lines cross edges. The nodes of edge e begin at offset[e], and their levels at begin[e]."""
 
     offset: Ints
     begin: Ints
@@ -244,8 +244,8 @@ class CornerField:
     shift  : (m, 3) offset at each corner of a face. The value at the corner is sign * x + shift.
     blank  : (m,) faces without a field; the cut leaves them whole.
     wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere.
-    In a band, a place is material if more levels lie below x[:, 0] than below x[:, 1]. The mean of `wanted` in an
-    opening of earlier fields decides whether the opening stays."""
+    In a band, a place is material if more levels lie below x[:, 0] than below x[:, 1]. An opening cut by
+    earlier fields stays or is filled, depending on the mean of `wanted` in it."""
 
     x: Floats
     sign: Floats
@@ -263,7 +263,7 @@ class CornerField:
 
     @cached_property
     def changed_faces(self) -> Bools:
-        """Faces (m,) with a sign or shift that changes a value."""
+        """Marks (m,) of the faces on which sign or shift changes a value."""
         return np.asarray(((self.sign < 0) | (self.shift != 0)).any(axis=1))
 
     def corners(self, F: Ints) -> Floats:
@@ -278,7 +278,7 @@ class DividedSurface:
     whole   : the undivided surface.
     surface : the divided surface; its first vertices are those of `whole`.
     parent  : (m',) the face of each part.
-    weights : (n', n) barycentric weights of each vertex in the vertices of `whole`, as in `dsfab.slicing.Sheet`."""
+    weights : (n', n) weights that give each vertex as a mean of vertices of `whole`, see `dsfab.slicing.Sheet`."""
 
     whole: Surface
     surface: Surface
@@ -307,7 +307,7 @@ class DividedSurface:
         return DividedSurface(self.whole, Surface(V, F), self.parent[source], weights)
 
     def cut_parts(self) -> Ints:
-        """Return the parts (k,) of divided faces; faces that are still whole have no such parts."""
+        """Return the parts (k,) of divided faces, without the faces that are still whole."""
         return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
 
     def corners(self, parts: Ints) -> Floats:
@@ -327,7 +327,7 @@ class DividedSurface:
         edges[uncut] = origins.edges[np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))]
         parts = self.cut_parts()
         corners = self.corners(parts)
-        # is_on_side[part, k, j]: side k of the part lies on the side of its face opposite corner j
+        # is_on_side[part, k, j]: True if side k of the part lies on its face's side opposite corner j
         is_on_side = (corners == 0) & (corners[:, [1, 2, 0]] == 0)
         marked = origins.edges[whole_edges.of[self.parent[parts]][:, [1, 2, 0]]]
         part, side, _ = np.nonzero(is_on_side & marked[:, None, :])
@@ -367,7 +367,7 @@ class DividedField:
         """Return the values (m, p) of a field with one column, at the barycentric coordinates (p, 3) in each face."""
         surface, parts = self.divided.whole, self.divided.cut_parts()
         values, inside = self.x[surface.F] @ points.T, np.full((surface.m, len(points)), -np.inf)
-        part_coordinates = points @ np.linalg.inv(self.divided.corners(parts))  # (k, p, 3) coordinates in each part
+        part_coordinates = points @ np.linalg.inv(self.divided.corners(parts))  # barycentric, (k, p, 3)
         least, parent = part_coordinates.min(axis=2), self.divided.parent[parts]
         np.maximum.at(inside, parent, least)
         part, point = np.nonzero(least == inside[parent])

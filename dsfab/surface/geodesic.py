@@ -1,8 +1,8 @@
 """Exact geodesic distances along a triangle mesh from vertices, edges and faces.
 
 The search moves a front of windows over the mesh [Mitchell, Mount and Papadimitriou 1987]. A source sees an edge
-through a strip of faces, unfolded into a plane. A window is the visible part of the edge. New sources are boundary
-vertices, and vertices with an angle over 360 degrees."""
+through a strip of faces, unfolded into a plane. A window is the visible part of the edge. Paths may bend at boundary
+vertices and at vertices with an angle over 360 degrees; such vertices become new sources."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import next_half_edge
 
-SLACK = 1e-10  # Limit of rounding errors, divided by the compared lengths, areas or angles.
+SLACK = 1e-10  # Allowed rounding errors, divided by the compared lengths, areas or angles.
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Windows:
 
     @property
     def parallel(self) -> Bools:
-        """True (k,) for parallel rays from the line y = 0; otherwise rays come from the point (0, 0)."""
+        """True (k,) if rays come parallel from the line y = 0; False if they come from the point (0, 0)."""
         return np.asarray(self.names[:, 4] > 0)
 
     @property
@@ -95,7 +95,7 @@ class Windows:
         return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.values for part in parts]))
 
     def place(self, t: Floats) -> Floats:
-        """Return the positions (k, 2) A + t (B - A)."""
+        """Return the positions (k, 2) of the points A + t (B - A) on the edges."""
         return np.asarray(self.at_a + t[:, None] * (self.at_b - self.at_a))
 
     def distance(self, P: Floats) -> Floats:
@@ -124,7 +124,7 @@ class Windows:
 
 
 def zero_share(start: Floats, end: Floats) -> Floats:
-    """Return the position (k,) of the zero of a linear function from `start` (k,) at position 0 to `end` (k,) at 1."""
+    """Return the zero (k,) of a linear function that has the values `start` (k,) at 0 and `end` (k,) at 1."""
     span = start - end
     return np.divide(start, span, out=np.zeros_like(start), where=span != 0)
 

@@ -34,7 +34,7 @@ def signed_volume(V: Floats, F: Ints) -> float:
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
-    """Return the signed volume (count,) of each closed shell, negative for voids; shell : (m,) of each face."""
+    """Return the signed volume (count,) of each closed shell, negative for voids. shell : (m,) shell of each face."""
     return np.bincount(shell, _tetrahedron_volumes(V, F), count).astype(np.float64)
 
 
@@ -233,7 +233,7 @@ class Surface:
 
     @cached_property
     def vertex_pieces(self) -> Ints:
-        """Piece (n,) to which each vertex belongs by one of its faces; -1 for a vertex without faces."""
+        """Piece (n,) that contains each vertex, according to one of its faces; -1 for a vertex without faces."""
         piece = np.full(self.n, -1, dtype=np.int64)
         piece[self.F] = self.pieces[1][:, None]
         return piece
@@ -287,7 +287,7 @@ class Surface:
 
     @property
     def edge_lengths(self) -> Floats:
-        """Lengths (e,) of the edges, metres; not cached."""
+        """Lengths (e,) of the edges, metres; computed at each call."""
         return edge_lengths(self.V, self.edges.ends)
 
     def faces_of(self, vertices: Bools) -> Bools:

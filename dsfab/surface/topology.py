@@ -15,7 +15,7 @@ LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex.
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
     """Edges of a mesh, each listed once.
-    ends   : (e, 2) vertex indices, the smaller first; this is the edge's direction for all faces.
+    ends   : (e, 2) vertices. The edge runs from the lower vertex number to the higher one, for all faces.
     of     : (m, 3) the edge of each half-edge.
     order  : (3 m,) half-edges sorted by edge; those of edge k are order[start[k] : start[k + 1]].
     start  : (e + 1,) positions in `order`."""
@@ -87,7 +87,7 @@ def edge_table(F: Ints) -> EdgeTable:
 
 
 def _counted_order(keys: Ints, count: int) -> Ints:
-    """Return the stable order that sorts integers (k,) below `count`.
+    """Return the order (k,) that sorts integers (k,) below `count`; equal integers keep their order.
     The transposition of a sparse matrix is a fast counting sort [Gustavson 1978]."""
     rows = csr_array((np.ones(len(keys), dtype=np.int8), keys, np.arange(len(keys) + 1)), shape=(len(keys), count))
     return rows.tocsc().indices.astype(np.int64)
@@ -195,7 +195,7 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 
 def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
-    """Return whether one walk around each vertex meets all of its corners; False if the walks cannot decide.
+    """Return True if one walk around each vertex meets all of its corners; False also if the walks cannot decide.
     A walk steps over at most `LONGEST_WALK` edges from corner to corner, from the boundary if the vertex has one."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
@@ -235,9 +235,9 @@ def duplicate_faces(F: Ints) -> Ints:
 
 
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
-    """Return a mask (m,) of the faces to flip for a common orientation, the fewest of each piece; None if impossible.
+    """Return a mask (m,) of the fewest faces to flip for a common orientation of each piece; None if impossible.
     Method: the mesh and a flipped copy are joined along all edges at which they agree (orientation double cover). A
-    piece is orientable exactly if its two copies stay separate."""
+    piece is orientable if, and only if, its two copies stay separate."""
     m = len(F)
     a, _ = half_edges(F)
     h0, h1 = edges.pairs.T
@@ -276,7 +276,7 @@ def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
 
 
 def adjacency(edges: EdgeTable, n: int) -> csr_array:
-    """Return a sparse matrix (n, n) with a one for each two vertices that an edge joins."""
+    """Return a sparse matrix (n, n) with an entry 1 for every two vertices that an edge joins."""
     i, j = _directed_edges(edges)
     return csr_array(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)))
 
@@ -296,7 +296,7 @@ def corners_of(F: Ints, faces: Bools, n: int) -> Bools:
 
 
 def faces_at(F: Ints, marks: Bools) -> Bools:
-    """Return the faces (m,) with a marked vertex (n,). `any` over rows of three would take five times as long."""
+    """Return the faces (m,) with a marked vertex (n,). numpy's `any` over the corners would take five times as long."""
     a, b, c = marks[F.T]
     return np.asarray(a | b | c)
 

@@ -50,7 +50,7 @@ def _edge_names(ends: Ints, count: int = 5) -> str:
     return ", ".join(f"{a}-{b}" for a, b in ends[:count]) + (", ..." if len(ends) > count else "")
 
 
-VISIBILITY_GAP = 0.001  # Largest gap to the best possible cosine, as a fraction, at which the search ends.
+VISIBILITY_GAP = 0.001  # The search ends if the cosine is within this fraction of the best possible one.
 CHUNK = 1 << 13  # Number of faces processed together, because they fit the processor's cache.
 
 
@@ -99,7 +99,7 @@ def mitres(surface: Surface, N: Floats, weights: Floats, faces: Floats, limit: f
 
 
 def _corner_mean(surface: Surface, weights: Floats, values: Floats) -> Floats:
-    """Return the weighted mean (n, k), over the corners at each vertex, of values (3 m, k); zero without corners."""
+    """Return the weighted mean (n, k), at each vertex, of the values (3 m, k) of its corners; zero without corners."""
     w, vertex = weights.ravel(), surface.F.ravel()
     total = np.stack([np.bincount(vertex, w * column, surface.n) for column in values.T], axis=1)
     total_weight = np.bincount(vertex, w, surface.n)[:, None]
@@ -129,7 +129,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Return `point` (n, 3) as unit normals; `mean`, or any face's normal, if `point` is on the back of a face."""
+    """Return `point` (n, 3) as unit normals. If it lies behind a face, take `mean`, or else the normal of any face."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -219,7 +219,7 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
 def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
-    """Return factors (n,), at most 1, on D (n, 3) for which every prism over a face has a clearly positive Jacobian.
+    """Return factors (n,), at most 1, for D (n, 3) with which every prism over a face has a clearly positive Jacobian.
     A smaller Jacobian is accepted at corners with offsets nearly parallel to the face, because shrinking does not help.
     sides  : (m, 3) as in `Offsets`.
     shrink : factor of each step."""

@@ -82,7 +82,7 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """Return the number of the fold at each vertex (n,), or -1, and the diagonal of each fold's box, metres."""
+    """Return the fold number (n,) of each vertex, -1 without a fold, and the diagonal of each fold's box, metres."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label, used = link_components(len(V), i, j)[1], distinct(corner)
@@ -120,7 +120,7 @@ class RepairedSkin:
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
     If the sheet crosses itself, dsfab cuts it into patches and unites their solids.
-    among : mask of the skin's faces that may intersect, with offsets D and any diagonals; by default all faces."""
+    among : mask of the skin's faces that may intersect, however walls are divided; by default all faces."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
@@ -173,7 +173,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
-    """Shorten offsets around the pairs until no pair or no permitted shortening remains; return the best state.
+    """Shorten offsets around the pairs until no pair remains or no more is permitted; return the best state.
     free : (n,) marks of vertices whose offsets may be shortened."""
     if not len(pairs):
         return D, pairs

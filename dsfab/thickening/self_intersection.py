@@ -28,7 +28,7 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
     strangers = ~(F[apart[:, 0]][:, :, None] == F[apart[:, 1]][:, None, :]).any(axis=(1, 2))
     pairs = np.concatenate([apart[strangers], _around_vertices(V, F), _over_edges(V, F)])
     pairs = np.sort(pairs, axis=1)
-    return pairs[np.lexsort(pairs.T[::-1])]  # libigl's threads make its order random
+    return pairs[np.lexsort(pairs.T[::-1])]  # libigl uses threads, so its order is random
 
 
 def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
@@ -55,7 +55,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
     corner = sorted_order(s)
     around = s[corner]
     position, hits = np.arange(len(corner)), []
-    for distance in range(1, len(corner)):  # ends after the largest number of faces at a vertex
+    for distance in range(1, len(corner)):  # up to the largest number of faces at a vertex
         position = position[position + distance < len(corner)]
         position = position[around[position] == around[position + distance]]
         if not len(position):
@@ -81,7 +81,7 @@ def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j:
 
 
 def _corners_meet(V: Floats, s: Ints, first_edge: tuple[Ints, Ints], second_edge: tuple[Ints, Ints]) -> Bools:
-    """Return True if triangles (s, a, b) and (s, c, d) meet outside s, exactly.
+    """Return True if triangles (s, a, b) and (s, c, d) meet outside s; an exact test.
     Edge ab then meets the second triangle, or edge cd the first, or the angles at s overlap in a common plane."""
     S, A, B, C, D = V[s], V[first_edge[0]], V[first_edge[1]], V[second_edge[0]], V[second_edge[1]]
     a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)

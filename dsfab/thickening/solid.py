@@ -180,7 +180,7 @@ class Solid:
         return solid
 
     def to_build123d(self) -> "build123d.Shape":
-        """Return the mesh as planar CAD faces, millimetres, as in STEP; `to_build123d` of a design is smooth."""
+        """Return planar CAD faces, millimetres, as in STEP. The `to_build123d` of a design returns smooth faces."""
         from dsfab.design.output import to_build123d
 
         return to_build123d(self)
@@ -220,7 +220,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     check_edges(surface)
     check_contacts(surface)
     surface, D = _used_part(surface, D)
-    single = is_fine(surface.V, D) and not surface.is_flat  # rounding bends tilted planes
+    single = is_fine(surface.V, D) and not surface.is_flat  # rounding would bend a tilted plane
     skin = Skin.from_surface(surface, SHIFT[side], single)
     _check_upward(surface, skin, D)
     among = None if proven is None else ~proven[skin.sources()]
@@ -245,7 +245,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
 
 
 def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) -> Floats:
-    """Return the vertices of the repaired solid: exact if they cause no more intersections than after rounding."""
+    """Return the exact vertices of the repaired solid; the rounded ones if the exact ones cause more intersections."""
     V = skin.vertices(repair.V, repair.D)
     if not skin.single:
         return V

@@ -23,7 +23,7 @@ class Overlap:
     """A part of the sheet, extended over adjacent faces of other parts.
     faces : (m,) mask of the faces of the extended part.
     V     : (n, 3) vertices of the sheet, some of them moved, metres.
-    share : (n,) factors on the offsets."""
+    share : (n,) factors by which the offsets are multiplied."""
 
     faces: Bools
     V: Floats
@@ -81,7 +81,7 @@ def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_ver
 
 
 def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools, share: float) -> Floats:
-    """Return V (n, 3) with vertices `moves` moved by `share` of the way to the mean of neighbours in `towards`."""
+    """Move vertices `moves` of V (n, 3) by `share` of the way to the mean of their neighbours in `towards`."""
     count = neighbours @ towards.astype(float)
     rows = np.flatnonzero(moves & (count > 0))
     V = V.copy()
@@ -89,7 +89,7 @@ def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools
     return V
 
 
-THIN = 0.8  # Factor on the offsets at faces that meet, in each round.
+THIN = 0.8  # Offsets at faces that meet are multiplied by this in each round.
 THINNEST = 0.3  # Smallest fraction of the input offset after thinning.
 
 
@@ -140,7 +140,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
-    """Return the union, with short edges collapsed so that the fewest pairs intersect, and these pairs.
+    """Collapse short edges of a union so that the fewest pairs of faces intersect. Return the mesh and these pairs.
     Points on an intersection can otherwise be too close for single precision."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
@@ -175,7 +175,7 @@ def _touching(F: Ints) -> Bools:
 
 
 def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
-    """Return patches (m,), cut halfway between clashing faces until they are separate; None above `patch_limit`."""
+    """Return patches (m,) without clashing faces, by cuts halfway between these; None above `patch_limit` patches."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:

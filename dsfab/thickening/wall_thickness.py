@@ -10,7 +10,7 @@ from dsfab.surface import edge_table, link_components
 from dsfab.thickening.solid import Solid
 
 INSIDE = 0.02  # Distance of a line's start from a face's corner, divided by the distance of the face's centre.
-OPPOSED = float(np.cos(np.radians(20)))  # Faces at larger angles form an edge, not a wall.
+OPPOSED = float(np.cos(np.radians(20)))  # Two faces form a wall up to an angle of 20 degrees, else an edge.
 LARGE = 1e6  # Size of the scaled mesh, because libigl's rays miss triangles with areas below 1e-6.
 FLAT = float(np.cos(1e-3))  # Least cosine of the angle between neighbours in one flat facet.
 

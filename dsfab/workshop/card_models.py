@@ -1,4 +1,4 @@
-"""Models in card: their scale and limits, and panels with tabs.
+"""Card models: their scale and limits, and panels with tabs.
 
 ══════════╗╔══════════   a continuous member
      ─────╢╟─────        crossing members end at the edges of the continuous member, each with a tab glued beneath it

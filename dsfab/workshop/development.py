@@ -3,7 +3,7 @@
 A curve P + h N lies at a height h along the normals N of the axis. Its lengths, its angle phi to the axis, and its
 bending kg_h in the surface are
     ds_h = sqrt((1 - h kn)^2 + (h tg)^2) ds      phi = atan2(-h tg, 1 - h kn)      kg_h = (kg + phi') ds / ds_h
-The formulas follow from N' = -kn T - tg B (Darboux frame)."""
+They follow from N' = -kn T - tg B. T, B, N is the Darboux frame; kg, kn, tg are its curvatures and its torsion."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -109,7 +109,7 @@ def turns_within_its_width(member: Member) -> Bools:
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the arc lengths of a member without ends that curl up. Such ends remain where a sharp bend was divided."""
+    """Return the span of a member, arc lengths, without curled ends, which remain where a sharp bend was divided."""
     axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:
@@ -123,7 +123,7 @@ def uncurled_span(member: Member) -> tuple[float, float]:
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
     """Return smooth distances (k,) to the left and to the right edge (m).
     sides : (k, 2) distances to the two edges as cut on a mesh, metres.
-    Edges become parallel to the axis if they deviate from it by noise only. Other edges are smoothed."""
+    Edges that are nearly parallel to the axis become exactly parallel. Other edges are smoothed."""
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)

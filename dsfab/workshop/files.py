@@ -67,7 +67,7 @@ def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
 def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
     """Return the drawing of all sheets of a plan in rows from left to right, each sheet below its number."""
     lines, circles = list[FlatLine](), list[FlatCircle]()
-    pitch = 1.15  # distance from sheet to sheet, in sizes of the largest sheet
+    pitch = 1.15  # step from one sheet to the next, in sizes of the largest sheet
     wide = max(sheet.size[0] for sheet in plan.sheets) * pitch
     high = max(sheet.size[1] for sheet in plan.sheets) * pitch
     across = max(1, round(np.sqrt(len(plan.sheets) * high / wide)))
@@ -80,7 +80,7 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
         tall = min(TITLE, SMALL_TITLE * sheet.size[1])
         lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
         for nested in sheet.parts:
-            _ = nested.part.contours  # moved parts keep contours that were computed before
+            _ = nested.part.contours  # computed here once, because moved parts keep them
             part = nested.placed_part.moved_by(0.0, origin)
             lines += part_lines(part)
             circles += part_circles(part)

@@ -110,7 +110,7 @@ class BasePlane:
         if -down @ self.up < STEEP_SINE:
             return None
         left_width, right_width = (float(np.interp(station, course.s, side)) for side in (course.left, course.right))
-        middle, half = (left_width - right_width) / 2, 0.6 * (left_width + right_width) / 2  # of the tab
+        middle, half = (left_width - right_width) / 2, 0.6 * (left_width + right_width) / 2  # tab's axis, half width
         sides = np.array([-right_width, middle - half, middle + half, left_width])
         shoulders = self.stations_at_height(layer, sides, station, 0.0)
         tips = self.stations_at_height(layer, sides[1:3], station, -self.thickness)
@@ -162,7 +162,7 @@ class BasePlane:
 
 
 def outline_with_feet(layer: Development, span: tuple[float, float], feet: tuple[StripFoot, ...]) -> Floats:
-    """Return the outline (k, 2) of a piece over a span, counter-clockwise, with the feet at its ends."""
+    """Return the outline (k, 2) of a piece between two arc lengths, counter-clockwise, with the feet at its ends."""
     ends: dict[bool, StripFoot] = {foot.at_end: foot for foot in feet}
     course = layer.course
     begin = ends.get(False) if span[0] == course.begin else None

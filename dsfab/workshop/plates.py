@@ -91,7 +91,7 @@ class FlattenedMesh:
 
     @classmethod
     def from_mesh(cls, V: Floats, F: Ints) -> "FlattenedMesh":
-        """Flatten as rigidly as possible, from a first projection along the mean normal; pure bending keeps lengths."""
+        """Flatten a mesh with as little strain as possible, beginning with a projection along the mean normal."""
         n = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]).sum(axis=0)
         n /= np.linalg.norm(n)
         x = np.eye(3)[np.abs(n).argmin()]
@@ -128,7 +128,7 @@ class FlattenedMesh:
 
 FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length and approximate width of a finger, in sheet thicknesses
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Number of rounds in which small bits go to a neighbouring piece. Bits are small up to this area, in fingers."""
+"""Rounds in which small bits go to a neighbouring piece; bits are small below the area of this many fingers."""
 LINE_TOLERANCE = 1e-9  # largest distance between a mesh edge and its dividing line, in sheet sizes
 
 
@@ -145,7 +145,7 @@ class SheetJoint:
         return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """Return the number of pieces into which a length is cut, for stock with `room` (m).
+        """Return the number of pieces into which a length `size` is cut, for stock of the length `room` (m).
         Raises PatternError if the joints are too long."""
         if size <= room:
             return 1

@@ -24,7 +24,7 @@ class Cuts:
 
 
 def box_fits(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
-    """Return whether the box around points (k, 2) along a direction (2,) fits into one of the rectangles."""
+    """Return whether the box around points (k, 2) along a direction (2,) fits into one of the rectangles of `room`."""
     direction = along / np.linalg.norm(along)
     a, b = float(np.ptp(outline @ direction)), float(np.ptp(outline @ [-direction[1], direction[0]]))
     return any((a <= x and b <= y) or (b <= x and a <= y) for x, y in room)
@@ -111,7 +111,7 @@ def scarf_line(splices: int, lap: float) -> str:
 def lap_marks(
     layer: Development, span: tuple[float, float], full_span: tuple[float, float], lap: float, height: float
 ) -> tuple[Floats, ...]:
-    """Return lines and texts of the bevels of a piece; lap : half the overlap (m), which `full_span` includes."""
+    """Return the lines and texts that mark a piece's bevels. lap : half the overlap (m), included in `full_span`."""
     lines = list[Floats]()
     for k, (s, end) in enumerate(zip(span, full_span, strict=True)):
         if s != end:

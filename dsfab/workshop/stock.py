@@ -15,7 +15,7 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(options: Workshop) -> list[Workshop]:
-    """Return the section [workshop]; with prices, also variants without the longest sheets, which few parts need."""
+    """Return `options`; with prices, also variants without the longest sheets, which few parts need."""
     lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
     choices = [options]
     for longest in lengths[1:]:
@@ -61,7 +61,7 @@ def money(amount: float) -> str:
     return f"{amount:,.2f}".removesuffix(".00")
 
 
-NARROWING_SHARES = (0.95, 0.9)  # narrower strips of the trial nests, as fractions of the width, widest first
+NARROWING_SHARES = (0.95, 0.9)  # trial widths of strips, as fractions of their true width, widest first
 LEAST_SAVING = 0.04  # smallest saving for a hint, as a fraction of the sheets or of their area
 StockSizes = Sequence[tuple[float, float]]
 

@@ -242,8 +242,8 @@ def _is_clear(place: float, text_size: float, taken: list[tuple[float, float]], 
 
 
 def bending_strain(course: StripCourse, span: tuple[float, float], thickness: float) -> float:
-    """Return the largest strain t |kn| / 2 of a layer (thickness t in metres) that is bent along a course over a
-    span."""
+    """Return the largest strain t |kn| / 2 by bending of a layer of thickness t (m) that follows a course over `span`.
+    kn is the normal curvature of the course, in 1/m."""
     inside = (course.s >= span[0]) & (course.s <= span[1])
     bend = np.abs(course.kn[inside]).max() if inside.any() else np.abs(np.interp(sum(span) / 2, course.s, course.kn))
     return float(thickness * bend / 2)

@@ -30,8 +30,8 @@ class EvenEdges:
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
     """Return the mesh V (n, 3), F (m, 3) with straightened borders.
-    The mesh stays unchanged if an edge has more than two faces. A border stays if a vertex would move by more than a
-    mean edge. `LEAST_TURNS`, `RAGGED_TURN` and `LARGEST_GAP` define a ragged border."""
+    The mesh stays unchanged if an edge has more than two faces. A ragged part stays unchanged if one of its vertices
+    would move too far. `LEAST_TURNS`, `RAGGED_TURN` and `LARGEST_GAP` define a ragged part of a border."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -55,7 +55,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
 
 
 def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
-    """Return the border's change of direction (n,) at its vertices, radians, positive at convex corners; else 0."""
+    """Return the turn (n,) of the border at each vertex, radians: positive at convex corners, 0 inside the surface."""
     inside = np.bincount(F.ravel(), face_angles(V, F).ravel(), minlength=len(V))
     at_edge = np.zeros(len(V), dtype=bool)
     at_edge[edges.ends[edges.boundary].ravel()] = True
@@ -85,7 +85,7 @@ def _alternates(turn: Floats) -> bool:
 
 
 def _smoothed_line(P: Floats, closed: bool) -> Floats:
-    """Smooth a line (k, 3) by alternate shrinking and swelling. Its ends and the radius of arcs stay [Taubin 1995]."""
+    """Smooth a line (k, 3) without moving its ends or shrinking its arcs [Taubin 1995]."""
     for k in range(20):
         step = (-0.53 if k % 2 else 0.5) * ((np.roll(P, 1, axis=0) + np.roll(P, -1, axis=0)) / 2 - P)
         if not closed:
@@ -115,10 +115,9 @@ def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
 
 
 def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
-    """Return triangles (k - 2, 3), corners of P, that fill the outline P (k, 3) with the least area; None if
-    impossible.
-    joined : (k, k) marks of pairs of points that already have an edge in the mesh. No triangle adds such an edge.
-    The corners of each triangle follow the direction of the outline."""
+    """Return the triangles (k - 2, 3) that fill the outline P (k, 3) with the least area, as row numbers of P.
+    Return None if no triangles fill it. The corners of each triangle follow the direction of the outline.
+    joined : (k, k) marks of pairs of points that already have an edge in the mesh. No triangle adds such an edge."""
     k = len(P)
     if k == 3:
         return np.array([[0, 1, 2]])

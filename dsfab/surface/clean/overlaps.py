@@ -26,8 +26,8 @@ from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_compo
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Return which pairs (p,) of coincident vertices (p, 2) lie where two sheets of faces F (m, 3) cross.
-    The vertices of such a pair are inside their sheets. Only at an end of the crossing line, they may be on borders."""
+    """Return which pairs (p,) of vertices at one place, (p, 2), lie on a line where two sheets of faces F (m, 3) cross.
+    Both vertices of such a pair lie inside their sheets. At the ends of the line, they may also lie on borders."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -43,8 +43,8 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Return the vertices (n,) of faces that coincide after each vertex k is replaced by `became[k]`, (n,).
-    Two copies of a quad also coincide if different diagonals cut them into triangles."""
+    """Mark the vertices (n,) of faces that coincide after each vertex k is replaced by `became[k]`, (n,).
+    Two copies of a quad also coincide if they are cut into triangles along different diagonals."""
     faces = became[F]
     _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
@@ -57,7 +57,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Return the pairs (p,) at the ends of crossings: on both sheets, an edge (e, 2) joins them to a crossing pair."""
+    """Mark the pairs (p,) at the ends of a crossing line: edges (e, 2) of both sheets join them to a crossing pair."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -78,8 +78,8 @@ SAMPLES = np.array(
     [[0.36, 0.33, 0.31], [0.8, 0.11, 0.09], [0.1, 0.79, 0.11], [0.09, 0.12, 0.79]]
     + [[0.48, 0.43, 0.09], [0.1, 0.47, 0.43], [0.44, 0.08, 0.48]]
 )
-"""Barycentric weights (7, 3) of samples in a face: near its middle, its corners 0 to 2, and its sides 0-1, 1-2 and 2-0.
-With these uneven weights, no sample lies on an edge that halves or quarters a square."""
+"""Barycentric weights (7, 3) of sample points in a face: near its middle, its three corners and its three sides.
+The weights are uneven, so that no sample point lies on an edge that divides a square into halves or quarters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +94,8 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
     """Return the faces of the mesh V (n, 3), F (m, 3) that lie on other faces in the same plane.
 
     Planes closer than `WELD` times the mesh's largest dimension count as one plane. Two copies of a quad also overlap
-    if different diagonals cut them and the quad is flat within `SAG`. An overlap counts if it contains one of the
-    seven `SAMPLES` of a face. The remaining faces form one sheet, joined along edges.
+    if they are cut along different diagonals and are flat within `SAG`. An overlap counts if it contains one of the
+    seven `SAMPLES` of a face. The other faces of the mesh form one sheet, joined along edges.
 
     Method: rays along the normals, with a tree of boxes [Jacobson et al. 2018, libigl]."""
     edges = edge_table(F)
@@ -147,7 +147,7 @@ def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> I
 
 
 def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
-    """Return which pairs (p,) of faces belong to two copies of a quad, which F (m, 3) cuts by different diagonals."""
+    """Mark the pairs (p,) of faces from two copies of one quad, which F (m, 3) cuts along different diagonals."""
     is_equal = F[face][:, :, None] == F[cover][:, None, :]
     is_shared, is_shared_there = is_equal.any(axis=2), is_equal.any(axis=1)
     result: Bools = (is_shared.sum(axis=1) == 2) & (is_shared_there.sum(axis=1) == 2)
@@ -162,8 +162,8 @@ def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
 
 
 def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
-    """Select faces (m,) that do not cover each other: faces without overlap, then their neighbours.
-    Faces with shorter edges come first, so that the result does not depend on the order of the faces."""
+    """Mark faces (m,) that do not cover each other: first all faces without overlap, then neighbours of marked faces.
+    Neighbours with shorter edges come first, so that the order of the faces does not change the result."""
     overlaps, chosen = dict[int, set[int]](), list[int]()
     for face, cover in np.stack(np.divmod(distinct(covers[:, 0] * len(F) + covers[:, 2]), len(F)), axis=1).tolist():
         overlaps.setdefault(face, set()).add(cover)
@@ -188,7 +188,7 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Return which of the faces (k,) must stay: their removal would open an edge of a remaining face beside them.
+    """Return which of the faces (k,) must stay, because without them an edge of another face would become open.
     Faces with a common edge stay or go together."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
@@ -203,16 +203,16 @@ def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
 
 
 def _is_covered(covers: Ints, by: Bools) -> Bools:
-    """Return the faces (m,) whose samples are all covered by faces marked in `by` (m,)."""
+    """Mark the faces (m,) whose samples all lie on faces marked in `by` (m,)."""
     face, sample, _ = covers[by[covers[:, 2]]].T
     covered_samples = np.bincount(distinct(face * len(SAMPLES) + sample) // len(SAMPLES), minlength=len(by))
     return np.asarray(covered_samples == len(SAMPLES))
 
 
-COPY_GAP = 1 / 500  # Largest distance of two copies of a sheet, divided by the square root of its area.
-PARALLEL_GAP = 0.08  # Largest distance of two parallel sheets, divided by the square root of their area.
+COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of its area.
+PARALLEL_GAP = 0.08  # Largest distance between parallel sheets, divided by the square root of their area.
 LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of two parallel sheets, smaller to larger.
-IGNORED_SHARE = 0.1  # Ignored fraction of the area with the smallest distances, and of that with the largest.
+IGNORED_SHARE = 0.1  # Fraction of the area ignored at each end, where the distances are smallest and largest.
 
 _REMARKS = {
     "copy": "the surface has a second sheet {} from the first, probably a copy; delete one of them, or set "
@@ -276,9 +276,9 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         piece_faces, faces = np.flatnonzero(piece == p), np.flatnonzero((piece == p) & paired)
         names, which = np.unique(part[faces], return_inverse=True)
         count = len(names)
-        if count > 2:  # folds divide the faces of a slab into further parts
+        if count > 2:  # folds divide each of the slab's two faces into several parts
             count, which = pieces(F[faces], edge_table(F[faces]))
-        # the two faces of a slab have most of its area
+        # the two large faces make up most of a slab's area
         if count != 2 or edge_table(F[piece_faces]).boundary.any() or area[faces].sum() < 0.7 * area[piece_faces].sum():
             continue
         first_part, second_part = sorted(
@@ -298,7 +298,7 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if none does.
+    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if there is none.
     Each round removes the remaining distance along the normals [Chen and Medioni 1992]."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
@@ -324,7 +324,7 @@ def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) ->
 
 
 def _parts(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
-    """Return the part (m,) of each face: a common edge joins two faces unless they fold there by 60 degrees or more."""
+    """Return the part number (m,) of each face. At an edge that folds by 60 degrees or more, a new part begins."""
     pair = edges.pairs
     ends = V[edges.ends[edges.count == 2]]
     along = ends[:, 1] - ends[:, 0]
@@ -363,7 +363,7 @@ def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool
 
 
 def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
-    """Yield a sentence for each pair of parallel sheets of V (n, 3), metres, F (m, 3), then for overlapping faces."""
+    """Yield a sentence for each pair of parallel sheets of V (n, 3), metres, F (m, 3); then for overlapping faces."""
     pairs = parallel_parts(V, F)
     for pair in pairs:
         yield _REMARKS[pair.kind].format(length(pair.gap))
@@ -373,7 +373,7 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
     """Yield sentences on overlapping faces of a mesh V (n, 3), F (m, 3), except the faces `reported` (k,).
-    The vertices are first merged as in the repair of the mesh."""
+    Near vertices are merged first, as in the repair of the mesh."""
     sound = np.flatnonzero(in_reach(V)[F].all(axis=1))
     used, near = np.unique(F[sound], return_inverse=True)
     V, became = merged_vertices(V[used], WELD, partial(crossing_pairs, near.reshape(-1, 3)))

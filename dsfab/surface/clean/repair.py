@@ -33,7 +33,7 @@ from dsfab.surface.topology import (
 )
 
 CRUMB = 0.01  # The repair removes loose pieces smaller than this fraction of the mesh's area.
-PINHOLE = 1e-3  # Longest outline of a closed hole, as a fraction of the mesh's largest dimension.
+PINHOLE = 1e-3  # The repair closes holes with outlines shorter than this times the mesh's largest dimension.
 _NO_AREA = "without area"
 _DOUBT = " (a large part of the mesh: check that all parts are in one unit)"
 _ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far away as the rest of the mesh"
@@ -49,7 +49,7 @@ class MendedMesh:
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
-        """Return the mesh with only the faces `keep` (k,); `which` describes the removed faces in the repair text."""
+        """Return the mesh with only the faces `keep` (k,). `which` describes the removed faces in the repair text."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -66,7 +66,7 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     1. Vertices closer than `WELD` times the mesh's largest dimension become one vertex, except where sheets cross.
     2. Faces without area and repeated faces are removed.
     3. Copies of sheets are removed, and a slab is reduced to its middle surface (`overlaps`).
-    4. Faces beyond two on an edge are removed, and seams between patches are stitched (`seams`).
+    4. An edge keeps at most two of its faces, and seams between patches are stitched (`seams`).
     5. Pieces smaller than `CRUMB` times the mesh's area are removed, and parts that touch in a point are joined.
     6. Holes are closed if their outline is shorter than `PINHOLE` times the mesh's largest dimension.
     7. Ragged borders are straightened (`borders`)."""
@@ -134,8 +134,8 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Return one face of each set of overlapping faces, and all other faces, (k,).
-    No copy of a face remains if two other faces meet at one of its edges, as at the sewn corners of a cushion."""
+    """Return all faces (k,), but only one face of each set of overlapping faces.
+    A face disappears with all its copies if two other faces meet at one of its edges, as at a cushion's corner."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -184,27 +184,27 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
-HOLE = 0.15  # Longest outline of a filled hole in a scan, as a fraction of the mesh's largest dimension.
-SPECK = 0.05  # Largest area of a removed piece of a scan, as a fraction of the largest piece's area.
+HOLE = 0.15  # Holes of a scan are filled if their outline is shorter than this times its largest dimension.
+SPECK = 0.05  # Pieces of a scan are removed if their area is below this times the largest piece's area.
 FINE, SEVERAL = 0.01, 3
 """A mesh is a scan if its mean edge is below `FINE` times its largest dimension, and it has faults.
 The faults are `SEVERAL` small holes, or `SEVERAL` edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""A mesh is also a scan if its mean edge is below `NOISY` times its largest dimension, and enough faces are folded.
-`FOLDED` is the least fraction of folded faces. Meshes of designs had at most 0.0002; a noisy mesh had 0.003."""
+"""A mesh is also a scan if its mean edge is below `NOISY` times its largest dimension, and if the fraction of folded
+faces is above `FOLDED`. This fraction was at most 0.0002 in meshes of designs, and 0.003 in a noisy mesh."""
 TILTED, LOW = 0.7, 0.5
-"""Noise has tilted a face if the cosine of its angle to the normals around it is below `TILTED` (45 degrees).
-The height of the face must also be below `LOW` mean edges, because real bends tilt higher faces."""
+"""A face is tilted by noise if the cosine between its normal and those around it is below `TILTED` (45 degrees),
+and its height is below `LOW` mean edges. Higher faces may be tilted by a real bend."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
-    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan, by the limits `FINE`, `SEVERAL`, `NOISY` and `FOLDED`."""
+    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan, according to `FINE`, `SEVERAL`, `NOISY` and `FOLDED`."""
     F = F[in_reach(V)[F].all(axis=1)]
     if not len(F):
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
     if (edges.count > 2).sum() >= SEVERAL:
-        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # copies of sheets do not show that the mesh is a scan
+        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # a copied sheet does not make the mesh a scan
         edges = edge_table(F)
     mean = float(lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]]).mean())
     if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded_faces(V, F).mean() > FOLDED:
@@ -221,8 +221,8 @@ def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
     metres : length of V's unit in metres, for the texts.
 
-    1. At an edge with three or more faces, the two faces with the smoothest transition stay joined.
-       The other faces at this edge get separate vertices.
+    1. At an edge with three or more faces, the two faces with the smallest fold stay joined.
+       The other faces at this edge get their own vertices.
     2. Parts that touch in a point are separated, and faces get a common orientation.
     3. Pieces smaller than `SPECK` times the largest piece's area are removed.
     4. Holes are filled if their outline is shorter than `HOLE` times the mesh's largest dimension.
@@ -259,7 +259,7 @@ def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
         away /= np.maximum(lengths(away), 1e-300)[:, None]
         cosine = away @ away.T
         np.fill_diagonal(cosine, np.inf)
-        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the pair with the most opposite directions
+        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the two faces with the smallest fold
         smoothest_pairs.append((h[i], h[j]))
     return np.array(smoothest_pairs, dtype=np.int64).reshape(-1, 2)
 
@@ -337,8 +337,8 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
-    """Collapse the shortest edges of crumpled faces (m,). Return the vertices (n, 3), and for each its new index (n,).
-    An edge collapses to its midpoint, or to its end on the boundary. The topology does not change."""
+    """Collapse the shortest edges of crumpled faces (m,). Return the vertices (n, 3) and the new number (n,) of each.
+    An edge collapses to its midpoint, but to its end on the boundary if it has one. The topology does not change."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

@@ -20,11 +20,11 @@ from dsfab.core.arrays import (
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
 WELD = 5e-5  # Vertices closer than this fraction of the mesh's largest dimension become one vertex.
-ASTRAY_RATIO = 1000.0  # Distance of an astray vertex from the middle, divided by the distance of 99 % of the vertices.
+ASTRAY_RATIO = 1000.0  # A vertex is astray if it is this many times farther from the middle than 99 % of all vertices.
 
 
 def in_reach(V: Floats) -> Bools:
-    """Return the vertices (n,) of V (n, 3) that have finite coordinates and are not astray, see `ASTRAY_RATIO`."""
+    """Mark the vertices (n,) of V (n, 3) that have finite coordinates and are not astray (see `ASTRAY_RATIO`)."""
     is_near: Bools = np.asarray(np.isfinite(V).all(axis=1))
     if not is_near.any():
         return is_near
@@ -38,13 +38,13 @@ def in_reach(V: Floats) -> Bools:
 def merged_vertices(
     V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None
 ) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) at one place. Return the remaining vertices, and each old vertex's index (n,) in them.
+    """Merge vertices V (n, 3) at one place. Return the remaining vertices, and the new number (n,) of each old vertex.
 
     within : largest distance between merged vertices, divided by the mesh's largest dimension. The default removes the
              rounding errors of `trimesh.slice_plane`.
-    apart  : function that marks (p,) which pairs of vertices (p, 2) must stay separate.
+    apart  : function that takes pairs of vertices (p, 2) and marks the pairs (p,) that must stay separate.
 
-    For mesh files `equal_merged` suffices, because files repeat a place with equal digits."""
+    `equal_merged` suffices for mesh files, because a file writes equal places with equal digits."""
     alone = V, np.arange(len(V))
     if not len(V) or not np.isfinite(V).all():  # `Surface` reports infinite coordinates
         return alone
@@ -62,7 +62,7 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the new vertex (n,) of each vertex: the first of its group if within `reach`, else the vertex itself.
+    """Return the new vertex (n,) of each vertex: the first of its group, or in long chains one within `reach`.
     Without this limit, a long chain of near vertices would shrink to a point."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
@@ -88,14 +88,14 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest ratio of a seam's width to the length of the edge beside it, if the two patches have common ends.
-The ratio is the rise of a 30 degree arc divided by its chord."""
+"""Largest width of a seam between two patches with common ends, divided by the length of the edge beside it.
+This is the height of a 30 degree arc divided by its chord."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
-    """Stitch open seams of faces F (m, 3): divide the faces along a seam into fans.
+    """Stitch open seams of faces F (m, 3): divide the faces along a seam into fans of triangles.
     Return the faces and the number of joined vertices. The faces stay unchanged if an edge would get a third face.
-    within : largest distance between an edge and a vertex on it, in V's unit."""
+    within : largest distance between an edge and a vertex that is joined to it, in V's unit."""
     faces, joined = F, 0
     for _ in range(4):  # each round stitches at most one edge of a face
         half, vertex = _open_seams(V, faces, edge_table(faces), within)
@@ -107,7 +107,7 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
 
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
-    """Return boundary half-edges (k,), at most one per face, and on each a vertex (k,) of another face."""
+    """Return boundary half-edges (k,), at most one per face, and on each of them a vertex (k,) of another face."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
     edge, vertex = near_vertices(V, ends, within)
@@ -129,8 +129,8 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 
 def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
-    """Return pairs of a boundary edge (k,), as index into `ends` (b, 2), and a boundary vertex (k,) beside the edge.
-    Largest distance: `within`, or `SAG` times the edge's length unless all boundaries are closed loops."""
+    """Return pairs (k,), (k,): a boundary edge (row of `ends` (b, 2)) and a boundary vertex near it.
+    Largest distance: `within`. If some boundary is not a closed loop, also `SAG` times the edge's length."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -138,7 +138,7 @@ def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     tree, edge, start, size = cKDTree(V[border]), np.arange(len(ends)), np.zeros(len(ends)), 1.0
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     while len(edge):
-        # divide long edges near many vertices in four
+        # divide long edges with many vertices nearby into four parts
         middle = a[edge] + (start + size / 2)[:, None] * (b - a)[edge]
         radius = size / 2 * long[edge] + reach[edge]
         crowded, k, border_index = _few_within(tree, middle, radius)
@@ -155,9 +155,9 @@ def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
-    """Return which balls (b,) around places (b, 3) contain more than `crowd` points of a tree.
-    Return also the pairs of a ball (k,) and a point in it (k,) for all other balls."""
-    # the search excludes points exactly at its bound
+    """Mark the balls (b,) around places (b, 3) that contain more than `crowd` points of a tree.
+    For all other balls, return also the pairs of a ball (k,) and a point (k,) in it."""
+    # the search omits points exactly at the upper bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
     crowded: Bools = inside[:, crowd]
@@ -177,8 +177,8 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """Return whether (k,) a boundary edge and a vertex are on the two sides of one seam.
-    The sides are two chains of boundary edges (b, 2) with the same ends."""
+    """Return which pairs (k,) of a boundary edge and a vertex lie on opposite sides of one seam.
+    The two sides are chains of boundary edges (b, 2) with the same ends."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -196,8 +196,8 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """Insert vertices (k,) on half-edges (k,), and return the faces (m', 3), as fans around the opposite corners.
-    At most one half-edge of a face may have vertices. The first triangle of a fan replaces the face."""
+    """Insert vertices (k,) on half-edges (k,). Each changed face becomes a fan of triangles from its opposite corner.
+    Return the new faces (m', 3). Only one half-edge of a face may get vertices. The first triangle keeps its number."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -210,7 +210,7 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
 
 
 def faces_with_area(V: Floats, F: Ints) -> Ints:
-    """Return the faces (k,) of V (n, 3), F (m, 3) whose area is not negligible against their longest edge squared."""
+    """Return the faces (k,) of V (n, 3), F (m, 3) whose area is not tiny compared with the longest edge squared."""
     P = V[F]
     longest = lengths(P - np.roll(P, 1, axis=1)).max(axis=1, initial=0)
     return np.flatnonzero(lengths(area_vectors(V, F)) > 1e-9 * longest**2)
@@ -238,8 +238,8 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """Return a triangle between boundary edges of two fans at a vertex, in the smallest angle; None from 150 degrees.
-    away : (k,) second ends of the boundary edges.
+    """Return the triangle in the smallest angle between boundary edges of two fans at a vertex; None above 150 degrees.
+    away : (k,) other ends of the boundary edges.
     fan  : (k,) fan of each boundary edge."""
     along = V[away] - V[v]
     along /= lengths(along)[:, None]

@@ -1,4 +1,4 @@
-"""Reader of DXF files, and closed curves and layer marks of DXF and 3DM drawings."""
+"""Read DXF files. Find the closed curves and the layer marks in DXF and 3DM drawings."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -43,7 +43,7 @@ FLAT = ("SOLID", "TRACE", "IMAGE", "UNDERLAY", "WIPEOUT", "ACAD_PROXY_ENTITY", "
 
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the curves of a DXF file, text or binary, with blocks expanded, its layers and its unit.
+    """Return the curves of a DXF file (text or binary, blocks expanded), with the names of its layers and its unit.
     Raises MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats, bool]](), list[tuple[str, Floats, bool]](), 0
@@ -101,7 +101,7 @@ def _content(entity: Any, layer: str, has_mesh: bool) -> Content:
 
 
 def _document(path: Path) -> Any:
-    """Return the drawing in a file; ezdxf's slow recovery reads only damaged files. Raises MalformedFileError."""
+    """Return the drawing in a file. Only damaged files need ezdxf's slow recovery. Raises MalformedFileError."""
     import ezdxf
     from ezdxf import recover
 
@@ -158,8 +158,8 @@ class _Entities:
     def leaves(
         self, entities: Any, depth: int, outer: str = "0", mirrored: bool = False, hidden: bool = False
     ) -> Iterator[tuple[Any, str, bool, bool]]:
-        """Yield each visible entity, its layer, True if its block is mirrored, and True if it is on a hidden layer.
-        Layer 0 in a block means the layer `outer` of the block's insertion."""
+        """Yield each visible entity with its layer, True if its block is mirrored, and True if its layer is hidden.
+        Layer 0 in a block means the layer `outer` on which the block is inserted."""
         if depth > self.budget.depth:
             raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
         for entity in entities:
@@ -185,7 +185,7 @@ class _Entities:
             words = f"{insert.dxf.name!r}, whose content is elsewhere"
             self.counts[Content("external reference", "dropped", words)] += 1
             return
-        turned = insert.matrix44().determinant() < 0  # this matrix includes outer blocks
+        turned = insert.matrix44().determinant() < 0  # the matrix includes all outer blocks
         self.counts[Content("block insertion" if turned == mirrored else "mirrored block insertion")] += insert.mcount
         for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
             yield from self.leaves(copy.virtual_entities(), depth + 1, layer, turned, hidden)
@@ -221,15 +221,15 @@ def _path_points(part: Any, closed: bool) -> Floats:
 
 
 def _spline_points(spline: Any) -> Floats:
-    """Return the points (k, 3) of a spline between its first and last effective knot.
-    Paths of ezdxf extend beyond these knots in closed splines."""
+    """Return the points (k, 3) of a spline from its first to its last valid knot.
+    In closed splines, the paths of ezdxf extend beyond these knots."""
     tool = spline.construction_tool()
     knots = np.array(tool.knots())
     spans = np.unique(knots[tool.degree : len(knots) - tool.degree])
     return curve_points(spans, lambda t: np.array([[*point] for point in tool.points(t)]))
 
 
-SAME_PLACE = 1e-6  # Largest distance of two ends of curves that meet, as a fraction of the drawing's size.
+SAME_PLACE = 1e-6  # Two ends of curves meet if they are closer than this fraction of the drawing's size.
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +241,7 @@ class Marks:
     curves: tuple[Floats, ...]
 
     def about(self, origin: Sequence[float]) -> "Marks":
-        """Return the marks in coordinates with the given point (metres) as origin."""
+        """Return the marks in coordinates relative to the point `origin`, metres."""
         return Marks(self.layer, self.points - origin, tuple(run - origin for run in self.curves))
 
     @property
@@ -278,9 +278,9 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
-    """Return the visible content of the layers named in `words`, without empty layers. Case is ignored.
-    metres : length of the file's unit in metres.
-    Raises SurfaceError for unreadable files."""
+    """Return the visible content of the layers named in `words`, without empty layers.
+    Upper and lower case count as equal. Raises SurfaceError for unreadable files.
+    metres : length of the file's unit in metres."""
     path = Path(path)
     drawing = _drawing(path, path.stat().st_size, DrawingBudget())
     marks = {}
@@ -326,7 +326,8 @@ def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
 
 
 def closed_loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
-    """Join runs (k, 3) with common ends; yield closed curves without a repeated point; SurfaceError for open curves."""
+    """Join runs (k, 3) with common ends; yield closed curves without a repeated point.
+    Raises SurfaceError for open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
     ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # run k ends at points 2 k and 2 k + 1

@@ -35,7 +35,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass(frozen=True)
 class Buffers:
-    """The buffers that a file's JSON `tree` names. binary : buffer inside the file. beside : reader of other files."""
+    """Data buffers listed in a file's JSON `tree`. binary : buffer inside the file. beside : reader of other files."""
 
     tree: dict[str, Any]
     binary: bytes | None
@@ -44,7 +44,7 @@ class Buffers:
     known: dict[int, bytes] = field(default_factory=dict)
 
     def view(self, number: int) -> tuple[bytes, int]:
-        """Return the bytes of a view of a buffer, and the distance between its elements (0 for none).
+        """Return the bytes of a buffer view, and the step in bytes between its elements (0 if the file states none).
         Raises MalformedFileError for a view that extends beyond its buffer."""
         view = self.tree["bufferViews"][number]
         start, length = _count(view.get("byteOffset", 0)), _count(view["byteLength"])
@@ -297,7 +297,7 @@ class _Scene:
             return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
         F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
         F[1::2] = F[1::2, [1, 0, 2]]
-        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # triangles without area connect strips of triangles
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # triangles without area only link strips
         strip: Ints = F[~tied]
         return strip
 

@@ -26,7 +26,7 @@ OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow 
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Join the faces of a mesh at coincident vertices if only the file's format separates the faces.
+    """Join the faces of a mesh at coincident vertices if they are separate only because of the file's format.
     Return the file and a text about the repair. Faces are joined in two cases: no two faces share a vertex, as in STL
     files, or each free edge coincides with another free edge. Other coincident vertices may be an intended joint and
     stay apart. No edge gets more than two faces."""
@@ -110,7 +110,7 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: st
     """Read a file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP format, according to the suffix.
 
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
-    unit           : unit that replaces a unit of the file if dsfab does not know it.
+    unit           : unit of the coordinates, used only if dsfab does not know the unit that the file declares.
 
     The y axis of glTF files becomes z. Polygons are cut into triangles. STL and glTF vertices at exactly the same
     place become one vertex. For other formats, see `with_shared_vertices`. Unused vertices are removed.

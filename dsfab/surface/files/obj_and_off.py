@@ -47,7 +47,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
         file = TextFile(_join_lines(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
     ignored: Counter[str] = Counter()
-    groups, group = set[str](), ""  # names of groups with faces; name of the present group without faces
+    groups, group = set[str](), ""  # groups with faces; current group, "" once it has a face
     odd, last_words = "", [""]
     for number, line in file.numbered_lines(budget):
         words = line.split() if "#" not in line else line[: line.index("#")].split()
@@ -124,7 +124,7 @@ def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], coun
 
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
-"""First words of files whose vertices have three coordinates, also with colours, normals or textures."""
+"""First words of OFF files with three coordinates per vertex, with or without colours, normals and textures."""
 
 
 def read_off(data: bytes, budget: Budget) -> PolygonFile:

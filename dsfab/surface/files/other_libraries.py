@@ -1,4 +1,4 @@
-"""Conversion of meshes of trimesh, pyvista and compas, which are imported at their first use, to surfaces and back."""
+"""Conversion of meshes of trimesh, pyvista and compas to surfaces and back. Libraries are imported at first use."""
 
 import importlib.util
 import warnings
@@ -51,7 +51,7 @@ def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
 
 
 def surface_of(mesh: Any, unit: str | None = None) -> Surface:
-    """Convert a mesh of trimesh, pyvista, compas, meshio, or any mesh with vertices and faces, to a surface.
+    """Convert a mesh of trimesh, pyvista, compas or meshio, or any object with vertices and faces, to a surface.
     unit : unit of the coordinates; by default the unit of a trimesh mesh, else metres.
     Vertices at the same place become one vertex. A `Surface` is returned unchanged.
     Raises SurfaceError for any other type and for an unusable mesh."""
@@ -74,7 +74,7 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
 
 
 def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """Return V (n, 3), in the file's unit, and F (m, 3) of an STL file that trimesh reads. Raises SurfaceError."""
+    """Return vertices (n, 3) and faces (m, 3) of an STL file by trimesh, in the file's unit. Raises SurfaceError."""
     import trimesh
 
     try:
@@ -87,7 +87,7 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
 
 
 def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
-    """Return V (n, 3), in the file's unit and single precision, and F (m, 3) by lib3mf. Raises SurfaceError."""
+    """Return single-precision vertices (n, 3) and faces (m, 3) of a 3MF file by lib3mf. Raises SurfaceError."""
     import lib3mf
 
     model, parts = lib3mf.get_wrapper().CreateModel(), list[tuple[Floats, Ints]]()

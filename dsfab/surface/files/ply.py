@@ -52,11 +52,11 @@ class PlyElement:
         return MalformedFileError(f"it announces {self.count:,} records of {self.name!r}, but ends before the last one")
 
 
-Columns = dict[str, Any]  # Per property: values (count,), or all values (c,) of lists and their lengths (count,).
+Columns = dict[str, Any]  # By property: values (count,); for lists, all values (c,) and the lengths (count,).
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
-    """Return the numbers (c,) at the beginning of a text, up to the first other word, and whether this word exists."""
+    """Return the numbers (c,) at the beginning of a text, and True if another word follows them."""
     parts, position, odd = [np.empty(0)], 0, False
     while position < len(body) and not odd:
         gap = _SPACE.search(body, position + BLOCK)
@@ -88,7 +88,7 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:
-        raise element.cut_off()  # here, before the reader takes memory for the records
+        raise element.cut_off()  # checked before the reader takes memory for the records
     begins, counts, stop = _equal_records(numbers, position, element) or _text_walk(numbers, position, element, budget)
     columns: Columns = {}
     for i, p in enumerate(element.properties):
@@ -146,7 +146,7 @@ def binary_element(body: bytes, position: int, element: PlyElement, order: str, 
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * sum(np.dtype(p.length or p.type).itemsize for p in element.properties) > len(body) - position:
-        raise element.cut_off()  # here, before the reader takes memory for the records
+        raise element.cut_off()  # checked before the reader takes memory for the records
     dtype, lists = _first_record(body, position, element, order)
     stop = position + dtype.itemsize * element.count
     if stop <= len(body):

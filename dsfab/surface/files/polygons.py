@@ -11,11 +11,11 @@ import pythoncdt as cdt
 from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
-"""Cosines of the angle between a quad's two triangles: flat quads are above `FLAT`; below `WARPED`, folds may cross."""
+"""Cosine between the normals of a quad's triangles: above `FLAT` the quad is flat, below `WARPED` it may be folded."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""Limits for cutting a quad along its less suitable diagonal, because the triangles then continue flat neighbours.
-The difference of the unit normals must be below `ON` (10 degrees), and below `BETTER` times the difference for the
-first diagonal."""
+"""A quad is cut along its second diagonal if its triangles then continue flat neighbours better.
+The difference between the unit normals must be below `ON` (10 degrees), and below `BETTER` times the difference
+for the first diagonal."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
@@ -25,8 +25,8 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     corners : (c,) corners of all faces, face after face.
     sizes   : (f,) number of corners of each face.
 
-    The cut follows the only diagonal inside the quad, else a fold, else the shorter diagonal. For equal diagonals it
-    begins at corner 0. The cut of a quad with a corner outside 0..n-1 is arbitrary."""
+    If only one diagonal is inside the quad, the cut follows it. Otherwise the cut follows a fold, or else the shorter
+    diagonal; if both are equal, that from corner 0. A quad with a corner outside 0..n-1 is cut arbitrarily."""
     start = np.cumsum(sizes) - sizes
     Q = corners[start[quads][:, None] + np.arange(4)]
     P = V[_inside(Q, len(V))] if len(Q) and len(V) else np.zeros((len(Q), 4, 3))
@@ -86,14 +86,14 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
 MOST_CORNERS_FOR_EARS = 12  # Most corners for ear clipping, which takes k^3 steps for k corners.
 MANY = 2000  # Most corners for earcut; larger polygons get Delaunay triangles, which is faster.
 NOISE = 32 * float(np.finfo(np.float64).eps)
-"""A corner is straight if its distance from the line of its neighbours is below this times the largest coordinate."""
+"""A corner is straight if it is nearer to the line through its neighbours than this times the largest coordinate."""
 ORDER = cdt.VertexInsertionOrder.AUTO  # An order of insertion in which near points follow each other.
 TOGETHER = 1 << 12  # Number of polygons cut together; their data fit into the processor's cache.
 
 
 def small_polygon_triangles(P: Floats) -> Ints:
     """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3); k is 5 to `MOST_CORNERS_FOR_EARS`.
-    If a polygon crosses itself and has no ear, the function takes the shortest cut."""
+    If a polygon crosses itself and has no ear, the triangle with the shortest new side is cut off."""
     parts = [_ear_triangles(P[start : start + TOGETHER]) for start in range(0, len(P), TOGETHER)]
     return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
 
@@ -172,7 +172,7 @@ def earcut_triangles(flat: Floats) -> Ints:
 
 
 def _in_plane(P: Floats) -> tuple[Floats, float]:
-    """Return P (k, 3), scaled to size 1, in the plane of its mean normal, (k, 2), and the rounding error."""
+    """Project P (k, 3), scaled to size 1, along its mean normal. Return the points (k, 2) and the rounding error."""
     size = float(np.ptp(P, axis=0).max()) or 1.0
     noise = NOISE * max(1.0, float(np.abs(P).max()) / size)
     P = (P - P.mean(axis=0)) / size
@@ -239,7 +239,7 @@ class Polygons:
     sizes: Ints
 
     def part(self, faces: Ints) -> "Polygons":
-        """Return the same vertices with the selected faces (f,), in their order."""
+        """Return the polygons with only the selected faces (f,), on the same vertices."""
         owner = np.repeat(np.arange(len(self.sizes)), self.sizes)
         return Polygons(self.V, self.corners[np.isin(owner, faces)], self.sizes[faces])
 
@@ -267,8 +267,8 @@ class CutPolygons:
 
 def triangles(mesh: Polygons) -> CutPolygons:
     """Cut polygons into triangles, by `quad_triangles`, `small_polygon_triangles` or `large_polygon_triangles`.
-    Polygons with fewer than three corners are dropped. The caller must refuse a polygon with a missing or infinite
-    vertex, which becomes a fan."""
+    Polygons with fewer than three corners are dropped. A polygon with a missing or infinite vertex becomes a fan,
+    and the caller must refuse it."""
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
     cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quad_triangles(mesh.V, mesh.corners, mesh.sizes, of4)]
@@ -287,7 +287,7 @@ def triangles(mesh: Polygons) -> CutPolygons:
 
 
 def _polygon_triangles(V: Floats, corners: Ints) -> tuple[Ints, Bools]:
-    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons (q, k), and those (q,) that cross themselves."""
+    """Return triangles (q, k - 2, 3) of q polygons (q, k), as corners 0..k-1, and True (q,) for crossed polygons."""
     q, k = corners.shape
     is_valid = (corners >= 0) & (corners < len(V))
     P = V[np.where(is_valid, corners, 0)] if len(V) else np.zeros((q, k, 3))

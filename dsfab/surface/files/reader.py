@@ -58,7 +58,7 @@ def read_surface(
     repair        : true to convert a raw scan to a clean sheet first, see `dsfab.surface.clean.repair`.
 
     dsfab flips as few faces as possible so that neighbours agree and closed pieces face outward. A piece with one side
-    only (a Moebius strip) keeps a seam between faces that disagree. Pinches and several pieces are accepted.
+    only (a Moebius strip) keeps a seam at which faces disagree. Pinches and several pieces are accepted.
     `describe` reports them, and `surface_in_file` reports the repairs.
 
     Raises SurfaceError for
@@ -297,6 +297,6 @@ def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, 
 
 
 def unit_guess(raw: RawMesh) -> str:
-    """Return the declared unit; else metres for a box up to 250 long (few shells are longer), or millimetres."""
+    """Return the declared unit; else metres if the mesh is at most 250 units long, and millimetres if it is longer."""
     V = raw.V[in_reach(raw.V)]
     return raw.unit or ("m" if np.ptp(V, axis=0).max() <= 250.0 else "mm")

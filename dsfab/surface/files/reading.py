@@ -81,7 +81,7 @@ log = logging.getLogger(__name__)
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
     """Context manager that converts any exception during the reading of a file into a SurfaceError with a message.
     smaller : remedy in the message if memory is too small.
-    damaged : cause in the message of unknown errors."""
+    damaged : cause that the message states for an unknown error."""
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -116,12 +116,12 @@ class Content:
 
     @property
     def text(self) -> str:
-        """Count and kind: '2 hidden objects on layer 'old'."""
+        """Count and kind: `2 hidden objects on layer 'old'`."""
         return f"{count_phrase(self.count, self.kind)} {self.about}".rstrip()
 
 
 def hidden_on(layer: str) -> Content:
-    """Return the inventory entry of an object that the file hides on a layer; "" for files without layers."""
+    """Return the inventory entry of an object that the file hides. layer : its layer; "" in files without layers."""
     return Content("hidden object", "dropped", f"on layer {layer!r}" if layer else "")
 
 
@@ -157,7 +157,7 @@ def contents(counts: Counter[Content]) -> tuple[Content, ...]:
     return tuple(replace(thing, count=count) for thing, count in shown.items())
 
 
-MANY_LAYERS = 5  # Objects hidden on more layers are reported in one line.
+MANY_LAYERS = 5  # If objects are hidden on more layers than this, one line reports them all.
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class FileRecord:
 
     @property
     def mark_words(self) -> str:
-        """Words for supports, loads and regions: '2 curves on layer 'support'."""
+        """Words for supports, loads and regions: `2 curves on layer 'support'`."""
         return ", ".join(thing.text for thing in self.content if thing.fate == "marks")
 
     @property
@@ -235,7 +235,7 @@ class TriangleFile:
 
 
 def declared_unit(word: str) -> str | None:
-    """Return the unit for a format's word, such as 'Yards'; None for no unit; an unknown word in lower case."""
+    """Return the unit that a file names by a word, such as 'Yards'; None for no unit; unknown words in lower case."""
     lower = word.lower()
     return None if lower in ("none", "unset", "unitless") else UNIT_WORDS.get(lower, lower)
 
@@ -257,7 +257,7 @@ def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # tested first: its mark begins with that of UTF-16
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, whose mark is half of this one
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
@@ -272,8 +272,7 @@ BLOCK = 1 << 20  # Number of characters that are split into lines between two ch
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file with line feeds as line ends, remarks on likely faults, and whether the last line has an
-    end."""
+    """The text of a file (lines end with line feeds), remarks on likely faults; True if the last line is complete."""
 
     text: str
     doubts: tuple[str, ...]
@@ -300,7 +299,7 @@ def may_lack_digits(word: str, count: int) -> bool:
     """Return whether a number at the end of a file, an index up to `count`, may have lost its last digits."""
     if not (word.isascii() and word.isdigit()):
         return True
-    return len(word) <= len(str(count)) and 10 * int(word) <= count  # length first, because int refuses 5000 digits
+    return len(word) <= len(str(count)) and 10 * int(word) <= count  # length first: int refuses 5000 digits
 
 
 def text_file(data: bytes) -> TextFile:
@@ -362,7 +361,7 @@ CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon from its curve, divided 
 LARGEST_NUMBER = 1e12  # Largest number in a drawing; libraries may loop endlessly on larger numbers.
 
 
-FAR = 100.0  # Least coordinate of a mesh far from the origin, divided by the mesh's largest dimension.
+FAR = 100.0  # A mesh is far from the origin if a coordinate exceeds this times the mesh's largest dimension.
 DIGITS = 6  # Default number of digits in files of C and C++ programs, such as gmsh.
 COARSE_STEP, LARGEST_STEP = 0.02, 0.5
 """Limits of the rounding step of the coordinates, divided by the mean edge.
@@ -439,7 +438,7 @@ _APART = "put the outlines into a separate drawing"  # Remedy in the messages ab
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) of a curve at the ends of spans (s,), and up to 1024 per span to keep `CURVE_TOLERANCE`."""
+    """Return points (k, 3) of a curve: the ends of spans (s,), and up to 1024 per span as `CURVE_TOLERANCE` needs."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

@@ -38,7 +38,7 @@ _KINDS = {
 
 
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the curves of a 3DM file, with blocks expanded, its layers and its unit.
+    """Return the curves of a 3DM file (blocks expanded), with the names of its layers and its unit.
     Raises SurfaceError without the library and beyond the budget, MalformedFileError for a foreign file. The library
     may crash on a damaged file; `separate_process.read_rhino_in_process` prevents this."""
     require_rhino()
@@ -60,7 +60,7 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
-    """Return the meshes of a 3DM file, and the saved meshes of its surfaces, with blocks expanded, vertices not joined.
+    """Return the meshes of a 3DM file, also those saved with its surfaces; blocks are expanded, vertices not joined.
     Raises SurfaceError for a file whose surfaces have no saved meshes. See `read_rhino` for other errors."""
     model = _model(path)
     drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
@@ -108,7 +108,7 @@ def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
 
 
 def read_rhino_json(text: str) -> TriangleFile:
-    """Return the mesh in Rhino's JSON of a geometry, as Grasshopper sends it, without a unit. Raises SurfaceError."""
+    """Return the mesh in a geometry's JSON from Rhino, as Grasshopper sends it, without a unit. Raises SurfaceError."""
     require_rhino()
     import rhino3dm
 
@@ -209,7 +209,7 @@ def _points(curve: Any) -> Floats:
 
 
 def read_occt(path: Path) -> TriangleFile:
-    """Return the triangles of all faces, not joined, in millimetres from STEP files. BREP files declare no unit.
+    """Return the triangles of all faces, not joined. STEP files give millimetres; BREP files have no unit.
     Raises MalformedFileError for a file that OCCT cannot read, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
@@ -222,7 +222,7 @@ def read_occt(path: Path) -> TriangleFile:
     faces = TopExp_Explorer(shape, TopAbs_FACE)
     if not faces.More() or box.IsVoid():
         raise MalformedFileError("it has no faces, only curves or points")
-    # tolerances: 2e-4 of the box's diagonal from face to triangles, 0.2 radians between neighbours
+    # limits: distance of triangles from the face 2e-4 of the box's diagonal, angle of neighbours 0.2 radians
     BRepMesh_IncrementalMesh(shape, 2e-4 * box.SquareExtent() ** 0.5, False, 0.2, False)
     parts, lost = list[tuple[Floats, Ints]](), 0
     while faces.More():

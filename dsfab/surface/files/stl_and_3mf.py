@@ -44,8 +44,8 @@ CHUNK = 1 << 14  # Number of triangles or XML elements between two checks of the
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
     """Return the triangles of an STL file, with coincident corners merged.
-    A file is binary if its length fits its binary header, because binary files may also begin with "solid". Raises
-    MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
+    A file is binary if it has the length that its binary header announces; binary files may also begin with "solid".
+    Raises MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
@@ -87,7 +87,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     budget.require_triangles(len(numbers) // 9)
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
-    parts = len(_SOLID.findall(text))  # parts begin with the word solid, but may be open
+    parts = len(_SOLID.findall(text))  # each part begins with the word solid, even an open one
     counts = Counter({Content("face"): len(numbers) // 9, Content("part"): parts if parts > 1 else 0})
     return TriangleFile(V, F, doubts=doubts, content=contents(counts))
 
@@ -98,14 +98,14 @@ def _line_number(text: str, position: int) -> int:
 
 _NAMESPACES = "core materials production beamlattice slice trianglesets".split()  # noqa: SIM905
 """Words in the names of extensions of 3MF that dsfab reads, or that do not change shapes."""
-_TAKEN = ("model", "surface")  # Types of objects that belong to the model, unlike aids of a print.
+_TAKEN = ("model", "surface")  # Types of objects that belong to the model; other types help only the printing.
 _ROOT = re.compile(r"""Target\s*=\s*["']([^"']+\.model)["']""", re.IGNORECASE)
 Key = tuple[str, str]  # Name of a part of the file, and number of an object in this part.
 
 
 def read_3mf(data: bytes, budget: Budget) -> TriangleFile:
     """Return the triangles of all objects on the build plate of a 3MF file, in double precision, at their places.
-    Aids of a print, such as supports, are ignored. Source: 3MF Consortium, core specification 1.4. Raises
+    Printing aids, such as supports, are ignored. Source: 3MF Consortium, core specification 1.4. Raises
     MalformedFileError for a damaged file, SurfaceError beyond the budget."""
     plate = _Plate(budget, _archive_texts(data, budget))
     for key in (*plate.unprinted, *(key for key, _ in plate.items)):
@@ -198,7 +198,7 @@ class _Plate:
         return path.lstrip("/"), values["objectid"]
 
     def require_ends(self, key: Key, depth: int) -> int:
-        """Return the triangles of an object; raise MalformedFileError if it is missing or contains itself."""
+        """Return the number of triangles of an object. Refuse an object that is missing or contains itself."""
         if depth > 100:
             raise MalformedFileError("an object contains itself, or objects in over 100 nested levels")
         if key not in self.objects:
@@ -234,10 +234,10 @@ _AID = Content("modifier", "dropped", "or support of its slicer")
 
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
-    """Return the aids of a print, such as supports, from the settings of a slicer.
-    A key (object, component) has an empty list: the component is an aid. A key (object, "") has the first and the last
-    triangle of each aid. Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config [Bambu Studio,
-    OrcaSlicer]."""
+    """Return the printing aids, such as supports, from the settings of a slicer program.
+    The key (object, component) with an empty list marks a whole component as an aid. The key (object, "") lists the
+    first and the last triangle of each aid. Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config [Bambu
+    Studio, OrcaSlicer]."""
     aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):
         try:

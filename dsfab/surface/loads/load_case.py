@@ -15,15 +15,15 @@ from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
-EDGE_ON = 1e-12  # Largest cosine of the angle between a direction and the normal of a parallel face.
+EDGE_ON = 1e-12  # A face is parallel to a direction if its normal and the direction have a smaller cosine.
 
 
 @dataclass(frozen=True)
 class Snow:
-    """A load in pascals per *plan* area along `direction` (any length): the force s A |n . d| d on each face.
+    """A load per *plan* area, Pa, along the unit vector d of `direction`: a force s A |n . d| d on a face of area A.
 
-    s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]. An open sheet carries snow on all faces,
-    so pick only the upper part of an overhanging sheet. A closed surface carries snow only on its upper faces.
+    n is the face's unit normal; s is the load with its shape factor [EN 1991-1-3, 5.2]. An open sheet carries snow on
+    all faces: pick only the upper part of an overhanging sheet. A closed surface carries snow only on upper faces.
 
     shape   : "mu1" to multiply `pressure` (s_k on the ground) by `snow_shape_factor`; "" if `pressure` includes it.
     kind    : "imposed" for people and services on the plan [EN 1991-1-1, 6.3].
@@ -40,7 +40,7 @@ class Snow:
     shape: Literal["", "mu1"] = ""
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
-        """Return the traction (m, 3), Pa. Its sum over the areas is `pressure` times the plan area of the faces."""
+        """Return the traction (m, 3), Pa. Its integral is `pressure` times the plan area of the faces."""
         _require_pressure(self.kind, self.pressure)
         d = unit_vector(self.direction, f"a load of kind '{self.kind}'")
         towards = -(outward_normals(surface) @ d)
@@ -69,7 +69,7 @@ def snow_shape_factor(slope: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Wind:
-    """Wind of velocity pressure q, Pa, that blows towards `direction`: a pressure -c q n on each face, with
+    """Wind of velocity pressure q, Pa, along the unit vector d of `direction`: a pressure -c q n on each face, with
 
         c = windward (-n . d)   if the outside faces the wind (pressure),
         c = -leeward (n . d)    if the outside faces away (suction).
@@ -184,7 +184,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the parts with `weight` and `bare` multiplied by remaining fractions of material, numbers or (m,)."""
+        """Return the parts with `weight` and `bare` multiplied by the remaining shares of material, numbers or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         scaled = {part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
         return replace(self, **scaled)
@@ -305,7 +305,7 @@ class Line:
     name: Name = ""
 
     def on_edges(self, surface: Surface) -> Floats:
-        """Return the load (e, 3), N/m. Its sum over the lengths of edges is `per_metre` times the line's length."""
+        """Return the load (e, 3), N/m. Its integral along the edges is `per_metre` times the line's length."""
         if not any(self.per_metre):
             raise SurfaceError("a load of kind 'line' is zero; give per_metre = [fx, fy, fz] in newtons per metre")
         line: Bools = np.asarray(self.at.vertices(surface)[surface.edges.ends].all(axis=1))
@@ -354,7 +354,7 @@ class LoadCase:
     loaded      : (n,) True at the vertices under a load of kind force or line; the pattern may `keep` them.
     spring      : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; by default none.
     clamped     : (e,) edges that may not rotate about themselves; by default none, (0,).
-    fixed_edges : (e, 3) True if points inside an edge may not move along x, y, z; (0, 3) for `spanned_edges`.
+    fixed_edges : (e, 3) True if points inside an edge may not move along x, y, z; (0, 3) to use `spanned_edges`.
     parts       : the forces in parts (see `LoadParts`); None if all forces act on the vertices themselves."""
 
     fixed: Bools
@@ -437,7 +437,7 @@ class LoadCase:
         return self.with_parts(surface, self.parts.on_share(weight=share))
 
     def on_share(self, surface: Surface, share: Floats) -> Self:
-        """Return the load case of a sheet that keeps shares (m,) of its faces; loads on missing material vanish."""
+        """Return the load case of a sheet that keeps a fraction (m,) of each face; removed material has no loads."""
         if self.parts is None:
             return self
         return self.with_parts(surface, self.parts.on_share(share, share))

@@ -48,7 +48,7 @@ class OutlinedSurface:
         return np.where(self.on, 0.0, extent.depth(self.surface.V))
 
     def with_divided_faces(self, faces: Ints, places: Floats, on_line: bool) -> "OutlinedSurface":
-        """Divide each of the faces (k,) in three around the place (k, 3) in it."""
+        """Divide each of the faces (k,) into three triangles that meet at the place (k, 3) in it."""
         s, count = self.surface, len(faces)
         centre_vertices = s.n + np.arange(count)
         stay = np.delete(s.F, faces, axis=0)
@@ -59,7 +59,7 @@ class OutlinedSurface:
 
 
 class EdgeCrossings(NamedTuple):
-    """Points (k, 3) at which the line crosses edges (k,), ascending. `share` (k,), 0 to 1, is the place on the edge."""
+    """Points (k, 3) where the line crosses edges (k,), ascending, and their positions (k,), 0 to 1, along the edges."""
 
     edge: Ints
     share: Floats
@@ -68,8 +68,8 @@ class EdgeCrossings(NamedTuple):
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
     """Return the points at which the line crosses edges, by bisection.
-    The ends of such an edge are on opposite sides of the line. If an edge starts on the line, its inner points may lie
-    on the side opposite its end."""
+    Most such edges have their ends on opposite sides of the line. Other edges have one end on the line, run away from
+    it on one side, and have their second end on the other side."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -94,8 +94,8 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the part (k,), 0 to 1, of each edge that lies on the side opposite its far end.
-    The part begins at the edge's `end` (0 or 1), which is on the line.
+    """Return the fraction (k,) of each edge that lies on the other side of the line than its far end.
+    This part begins at the edge's `end` (0 or 1), which is on the line.
     sign : (k,) side of the far end."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
@@ -273,7 +273,7 @@ def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
 
 
 def _uneven_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) that the line crosses more than once, and the sides of faces with a curved line inside."""
+    """Return the edges (e,) that the line crosses more than once, and all edges of faces in which the line curves."""
     s, even = outlined.surface, LINE_TOLERANCE * extent.width
     depth, size = outlined.depth(extent), s.edge_lengths
     ends = s.edges.ends
@@ -300,7 +300,7 @@ def _border_edges(s: Surface, extent: Extent) -> Bools:
 
 
 def _turns_back(depth: Floats) -> Bools:
-    """Return whether (k,) depths (p, k) along edges change sign more than once, or touch 0 between equal signs."""
+    """Mark the edges (k,) along which depths (p, k) change sign more than once, or touch 0 between equal signs."""
     sign = np.sign(depth)
     low, high = np.minimum.accumulate(sign), np.maximum.accumulate(sign)
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)
@@ -322,7 +322,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces whose corners are all on lines. Depths of 0 at all corners do not show on which side a face lies."""
+    """Divide faces whose corners are all on lines: with depth 0 at all corners, the side of a face would be unknown."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

@@ -235,7 +235,7 @@ class Brush:
 
 
 def check_polygon(P: Floats, name: str) -> None:
-    """Raise OutlineError, which calls the polygon `name`, if P (k, 2), metres, has no area or crossing sides."""
+    """Raise OutlineError if a polygon P (k, 2), metres, has zero area or if its sides cross. name : for the message."""
     P = without_repeats(P)
     if len(P) < 3:
         raise OutlineError(f"{name} has {len(P)} different corners; give three or more")
@@ -287,7 +287,7 @@ class _Plane:
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """Return the prism through the curves, `depth` deep to both sides, or as deep as the surface's nearest part."""
+        """Return the prism through the curves, `depth` deep to both sides, or (None) to the surface's nearest part."""
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:
@@ -375,9 +375,9 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 
 def edges_of(picker: Picker, surface: Surface) -> Bools:
     """Return the edges (e,) that belong to the picked vertices of a picker.
-    A picker of the boundary has free edges only. Other pickers have the edges with both ends picked. An edge's middle
-    is also inside a concave outline. Named vertices have the edges between them (`spanned_edges`). Raises SurfaceError
-    as the picker does."""
+    A picker of the boundary has free edges only. Other pickers have the edges with both ends picked; in an outline,
+    the middle of the edge must be inside, too. Named vertices have the edges between them (`spanned_edges`). Raises
+    SurfaceError as the picker does."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):
         return picker.edges(surface)

@@ -159,7 +159,7 @@ class Ball:
 
 @dataclass(frozen=True)
 class Side:
-    """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 exactly there.
+    """The vertices within `depth` metres of the surface's lowest or highest x, y or z; for depth 0, exactly at it.
     relative : true if the depth is a fraction of the surface's extent along the axis."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT

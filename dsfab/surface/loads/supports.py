@@ -15,7 +15,7 @@ from dsfab.surface.loads.outlines import Picker, edges_of
 from dsfab.surface.loads.pickers import STRICT, Vector
 from dsfab.surface.mesh import Surface
 
-LONGEST_NAME = 40  # Most characters of a name; it must fit into a column of a table.
+LONGEST_NAME = 40  # Largest number of characters of a name, because names must fit into a table.
 SIGNS = " _-.,/+"  # Characters that a name may have besides letters and digits of any language.
 
 

@@ -115,7 +115,7 @@ class Net:
 
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
-    """Return which candidates (c,) cost less than all candidates that touch one of their vertices.
+    """Return which candidates (c,) cost less than every other candidate that shares a vertex with them.
     touched : (c, k) vertices of each candidate.
     cost    : (c,) cost of each candidate. Costs are rounded to eight levels, so that many candidates are selected at
               once. A hash gives the order within a level [Knuth 1973, multiplicative hashing].
@@ -145,7 +145,7 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
     """Return the long edges (e,) that have at least 70 % of the length of the longest edge in both of their faces.
-    Only the longest edge counts in very thin faces (needles, 2 area / longest edge^2 below 0.35)."""
+    In needles (faces with 2 area / longest edge^2 below 0.35), only the longest edge counts."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -157,7 +157,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Divide marked edges (e,) in the middle; along curves at positions (l,) on the axis, if these are not nan."""
+    """Divide marked edges (e,) in the middle; along curves at the axis positions (l,) if these are not nan."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -297,7 +297,7 @@ LEAST_ANGLE = np.radians(25)  # Radians. A flip must not reduce the smallest ang
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
-    """Flip edges off the curves, in up to `rounds` rounds: for equal valences, or for the Delaunay condition."""
+    """Flip edges that are not on curves, in up to `rounds` rounds, to improve valences or to get Delaunay triangles."""
     angles = np.empty(0) if by_valence else _face_angles(net.V, net.F)
     for _ in range(rounds):
         edges = net.edges
@@ -331,7 +331,7 @@ def _valence_gain(net: Net, quad: Ints) -> Floats:
 
 
 def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
-    """Return the sum of the two angles opposite each edge minus pi, (q,), radians.
+    """Return the excess (q,) over pi, radians, of the sum of the two angles opposite each edge.
     angles : (m, 3) of the faces.   pairs : (q, 2) half-edges of the edges."""
     first_angle, second_angle = angles.ravel()[next_half_edge(pairs.T, 2)]
     return np.asarray(first_angle + second_angle - np.pi - 1e-6)
@@ -342,7 +342,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return which edges (q,) may flip: faces rotate by up to 37 degrees; least angles grow or exceed `LEAST_ANGLE`."""
+    """Return which edges (q,) may flip: faces rotate by at most 37 degrees, and the least angle stays large enough."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))
@@ -389,8 +389,8 @@ def with_ears_flipped(surface: Surface) -> Surface:
 
 def without_rim_slivers(surface: Surface) -> Surface:
     """Return the surface without border faces whose height is below `TOLERANCE` times their border edge.
-    The normals of such faces are mere rounding errors. The border then passes through the third corner, an inner
-    vertex before."""
+    The normals of such faces are mere rounding errors. The new border passes through the third corner, which was inside
+    the surface."""
     V, F, edges = surface.V, surface.F, surface.edges
     bare = edges.boundary[edges.of].reshape(-1, 3)
     side = bare.argmax(axis=1)  # the border edge starts at corner `side`
@@ -400,5 +400,5 @@ def without_rim_slivers(surface: Surface) -> Surface:
     low &= (bare.sum(axis=1) == 1) & ~on_boundary(edges, surface.n)[tip]
     low &= (angles_at(V, a, b, tip) < np.pi / 2) & (angles_at(V, b, a, tip) < np.pi / 2)
     chosen = np.flatnonzero(low)
-    chosen = chosen[np.unique(tip[chosen], return_index=True)[1]]  # one face at each vertex
+    chosen = chosen[np.unique(tip[chosen], return_index=True)[1]]  # remove only one face at each vertex
     return Surface(V, np.delete(F, chosen, axis=0)) if len(chosen) else surface

@@ -14,11 +14,11 @@ from dsfab.surface.topology import link_components
 TOLERANCE = 1 / 50  # Largest move of boundaries and creases, in edge lengths.
 CORNER = 30.0  # Least bend of a curve at a corner, degrees.
 DULL = 0.6 * CREASE  # Least angle between the mean normals on the two sides of a short crease, degrees.
-FINE = 1 / 80  # Largest mean edge of a scan, divided by its box's diagonal.
+FINE = 1 / 80  # Largest width for means in a scan (see `design_features`), divided by the box's diagonal.
 
 
 class SmoothVertices(NamedTuple):
-    """Vertices (k,) of two edges (k, 2), the angle of the bend (k,), radians, and the shorter edge's length (k,)."""
+    """Vertices (k,) where two edges (k, 2) meet, the bend there (k,), radians, and the shorter edge's length (k,)."""
 
     vertex: Ints
     edges: Ints
@@ -103,14 +103,14 @@ class FeatureCurves:
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """Return pairs of an interval (j,) and a point (j,) inside it, for intervals start to end (k,) of the axis."""
+        """Return pairs of an interval (j,), `start` to `end` (k,) on the axis, and a point (j,) inside it."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
         return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return the largest distance (k,) of curves from their chords, metres, and its position (k,) on the axis."""
+        """Return the largest distance (k,) of the curve from each chord, metres, and its position (k,) on the axis."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))

@@ -16,9 +16,9 @@ from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
 from dsfab.surface.topology import euler_characteristic, half_edges, link_components, misoriented_edges, pieces
 
 LARGEST_GROUP = 240  # Largest number of elements of a symmetry group.
-MATRIX_TOLERANCE = 1e-6  # Entries of matrices count as equal if they differ by less.
-INERTIA_TOLERANCE = 1e-2  # Largest difference of equal moments of inertia, divided by the largest moment.
-FAR_TOLERANCE = 1e-3  # Largest difference of equal distances, divided by the surface's size.
+MATRIX_TOLERANCE = 1e-6  # Two matrices count as equal if no entry differs by more than this.
+INERTIA_TOLERANCE = 1e-2  # Moments of inertia count as equal within this fraction of the largest moment.
+FAR_TOLERANCE = 1e-3  # Distances count as equal within this fraction of the surface's size.
 
 
 def mirror(normal: Floats) -> Floats:
@@ -119,7 +119,7 @@ class _MirrorTest:
 
     @cached_property
     def centre(self) -> Floats:
-        """Middle (3,) of the box, or the centroid if these differ by more than rounding; metres."""
+        """Middle (3,) of the box, metres; along an axis on which the centroid lies elsewhere, that of the centroid."""
         middle = (self.surface.V.min(axis=0) + self.surface.V.max(axis=0)) / 2
         area = centroid(self.surface)
         return np.where(np.abs(middle - area) < IMAGE_TOLERANCE * self.edge, middle, area)
@@ -234,7 +234,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part that contains a weighted sum of all vertices. This point rotates with the surface."""
+        """Return the part that contains a certain weighted sum of all vertices, which rotates with the surface."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
@@ -250,7 +250,7 @@ class Chamber:
         return Surface(V, F) if len(F) else None
 
     def planes_of(self, V: Floats) -> Bools:
-        """Return the planes (k, p) that contain the points V (p, 3), within rounding errors."""
+        """Mark (k, p) which planes contain which of the points V (p, 3), within rounding errors."""
         return np.asarray(np.abs(self.toward @ (V - self.mirrors.centre).T) < 1e-9 * self.whole.size)
 
     def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
@@ -262,10 +262,8 @@ class Chamber:
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface from new vertices V (p, 3) and faces F of one side; None if the topology would
-        change.
-        Return also the index (n,) in V of each vertex's original. None also if the length of the boundary would change.
-        """
+        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the index (n,) in V of each
+        vertex's original. Return None if the topology or the length of the boundary would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]

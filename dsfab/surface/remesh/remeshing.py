@@ -33,7 +33,7 @@ from dsfab.surface.remesh.smoothing import (
 )
 from dsfab.surface.topology import duplicate_faces, named_edges
 
-SHARP_ANGLE = 20.0  # Smallest angle of a mirrored mesh that is never replaced, degrees.
+SHARP_ANGLE = 20.0  # A mirrored mesh is always kept if its smallest angle is above this, degrees.
 
 
 def remeshed_surface(
@@ -164,7 +164,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the smallest wanted edge length (k,) of all fields at points (k, 3), metres. trees : of the fields."""
+    """Return the smallest wanted edge length (k,) at points (k, 3), metres. trees : of the surfaces of `sizes`."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

@@ -95,7 +95,7 @@ CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of a curve's chords, as fr
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with graded wanted edge lengths, metres.
+    """Return the net with wanted edge lengths, metres, that change gradually (`GRADE`).
     base   : (n,) or a number, largest lengths, metres.
     chords : (p,) largest chord lengths at points of the curves, metres.
     Lengths are smaller at bends of curves, because of `chords`, and at narrow places."""
@@ -106,7 +106,7 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
         k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
     for vertex, width, slope in _narrow_places(net):
-        wide = width > TOLERANCE * edge  # places of smaller width are faults of the mesh
+        wide = width > TOLERANCE * edge  # narrower places are faults of the mesh
         row = 1.25 * np.maximum(width, edge * slope)[wide]  # one row of triangles across the narrow place
         np.minimum.at(size, vertex[wide], np.maximum(row, least))
     return replace(net, size=graded_sizes(net.V, net.edges.ends, size))

@@ -145,7 +145,7 @@ def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
     Vertices of a face that would rotate by over 60 degrees stay."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # rounds in which single vertices go back; then all vertices go back
+    retreats = 6  # in these rounds single vertices move back; after them all vertices do
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

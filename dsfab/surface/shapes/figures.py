@@ -26,7 +26,7 @@ from dsfab.surface.shapes.implicit import (
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
 NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the model's unit.
-MOUTH, HOLLOW = 0.017, 0.034  # Largest edge lengths at which the camel has a mouth, and hollow ears.
+MOUTH, HOLLOW = 0.017, 0.034  # With longer edges than these, the camel has no mouth, or no hollow ears.
 
 
 def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> Surface:
@@ -295,7 +295,7 @@ def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
 
 @dataclass(frozen=True)
 class BoyChart:
-    """Chart of Boy's surface: its coordinates are the unit disc of the complex plane, its border is the unit circle."""
+    """Chart of Boy's surface. The coordinates are complex numbers in the unit disc; its border is the unit circle."""
 
     height: float
 

@@ -23,7 +23,7 @@ from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5  # Edges over 4/3 of the wanted length are halved, edges under 4/5 collapse.
-ROUNDS, POLISH = 5, 10  # Numbers of rounds with changes of vertices, and of later rounds of flips and moves.
+ROUNDS, POLISH = 5, 10  # Numbers of rounds that add and remove vertices, then of rounds of flips and moves.
 LEAST_TURN_COSINE = 0.3  # Cosine of the largest rotation of a face in one step, about 70 degrees.
 FOLDED = -0.5  # Largest cosine of the angle between the normals of two faces in a fold (120 degrees).
 
@@ -187,7 +187,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
 
 Field = Callable[[Floats], Floats]  # Points (q, 3) -> approximate distances (q,) from a solid, m, negative inside.
 Point = Sequence[float] | Floats
-EDGE_CORRECTION = 0.9  # Factor on the wanted edge length, because remeshing makes edges too long.
+EDGE_CORRECTION = 0.9  # Remeshing makes edges too long; the wanted length is multiplied by this.
 
 
 def _norm(Q: Floats) -> Floats:
@@ -281,7 +281,7 @@ def mirror_union(field: Field, axis: int = 1) -> Field:
 
 @dataclass(frozen=True)
 class LevelSet:
-    """The zero set of a field as a chart. The coordinates are those of the points; the border lies at z = floor."""
+    """Chart of the surface on which a field is zero, with points as coordinates; the border is at z = floor."""
 
     field: Field
     reach: float
@@ -314,7 +314,7 @@ def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None
     low, high : corners of a box around the solid, metres.
     floor     : height of a plane that cuts the solid, metres; None for a closed surface. The surface is open at the
                 plane.
-    Raises SurfaceError for a length of edges that loses details, or that makes the mesh too large."""
+    Raises SurfaceError if `edge` is too long for the solid's details, or so short that the mesh is too large."""
     bottom, top = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
     if floor is not None:
         bottom[2] = floor

@@ -93,7 +93,7 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """Return the angles (k,) of each ring's vertices, in full turns. Adjacent equal rings are half a step apart."""
+    """Return the angles (k,) of each ring's vertices, in full turns. Equal neighbours differ by half a step."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0

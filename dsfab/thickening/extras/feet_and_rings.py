@@ -48,7 +48,7 @@ class Feet:
         return standing
 
 
-STRAIGHT = 1e-9  # Largest change of direction and normal at a boundary vertex that is no bend.
+STRAIGHT = 1e-9  # A boundary vertex is a bend if its direction or normal changes by more than this.
 
 
 @dataclass(frozen=True)

@@ -130,7 +130,7 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
     """Return a mask (m,) of folded prisms, the least cosine (m,) between skin normals and an axis, and the radii (m,).
-    upper, lower : (3 xyz, 3 corners, m) corners of the skins, with errors up to e.
+    upper, lower : (3 xyz, 3 corners, m) corners of the skins, with errors up to e = `error`.
     Largest errors: 3 r^2 e of a determinant of vectors of length r, 4 s e of the normal of a triangle with sides s."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]

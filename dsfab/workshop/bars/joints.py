@@ -59,7 +59,7 @@ class Footing:
     """Ground contact of a structure.
     supports : (q, 3) supported points, metres.
     up       : (3,) unit vector.
-    reach    : largest distance from a node to its support, without 0.75 of the widest member's width, metres.
+    reach    : a support may be this far from its node, and farther by 0.75 of its widest member's width, metres.
     anchor   : diameter of the anchors, metres."""
 
     supports: Floats
@@ -94,7 +94,7 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return plates (thickness in metres) with legs below strips at supports, and names of nodes too flat for a leg."""
+    """Return plates (thickness in metres) with legs below strips at supports, and names of nodes too level for legs."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(member.mean_width for member in node_members) for node_members in members]
@@ -326,7 +326,7 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
     node_points = P[bay_ends.node]
     roots = node_points
-    for _ in range(rounds):  # each round moves the roots e / (distance - e) times as far
+    for _ in range(rounds):  # each round moves the roots much less than the round before
         level = _level_directions(roots[bay_ends.opposite] - node_points, N[bay_ends.node])
         roots = node_points + root[bay_ends.node][:, None] * level
     return roots

@@ -54,8 +54,8 @@ def nest_parts(
     grain  : true if parts of members must lie lengthwise on the sheets.
     prices : price of a sheet of each size.
 
-    The cheapest trial wins, or without prices the trial with the least area. A trial begins with one size, or uses for
-    each sheet the size with most used area for its price. Smaller sheets then replace sheets whose parts fit on them.
+    The cheapest trial wins, or without prices the trial with the least area. A trial begins with one size, or chooses
+    for each sheet the size with the most used area per price. Then smaller sheets replace sheets if the parts fit.
     Raises PatternError for a part that fits on no sheet."""
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
     box_area = float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
@@ -250,7 +250,7 @@ def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> N
 
 
 def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float, grain: bool) -> list[NestedPart]:
-    # spyrrow computes in single precision, and `contours` omit some corners
+    # with a margin, because spyrrow computes in single precision, and `contours` omit some corners
     separation = gap + 1e-5 + 2 * OUTLINE_TOLERANCE
     items = [[part.contours[0].tolist(), _allowed_turns(part, size[1] - 2 * gap, grain)] for part in parts]
     job = {"items": items, "height": size[1], "length": size[0], "gap": separation, "seed": 1}

@@ -99,7 +99,7 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the minimum or maximum (k,) of segments in each of k columns.
+    """Return the extreme height (k,) of segments in each of k columns; f : numpy's minimum or maximum.
     corner : (k + 1,) limits of the columns.
     p, q   : (s, 2) ends of the segments, p left of q."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
@@ -118,7 +118,7 @@ def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Float
 
 @dataclass(frozen=True, eq=False)
 class NestedPart:
-    """Part rotated by a multiple of 90 degrees (radians) and moved to its place on a sheet (m)."""
+    """Part rotated by a multiple of a right angle (radians) and moved to its place on a sheet (m)."""
 
     part: FlatPart
     turn: float
@@ -268,6 +268,6 @@ def _gap_area(sheet: OpenSheet, grid: ColumnGrid) -> float:
 
 
 def _column_windows(skyline: Floats, k: int) -> Floats:
-    """Return each run (q, k) of k columns as a view, because numpy's own function is slow."""
+    """Return all runs of k neighbouring columns, (q, k), as a view; numpy's own function is slow."""
     (step,) = skyline.strides
     return np.ndarray((len(skyline) - k + 1, k), skyline.dtype, skyline, strides=(step, step))

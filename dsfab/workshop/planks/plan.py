@@ -1,8 +1,8 @@
 """The parts of a structure of planks, developed along the normals of the surface.
 
-A plank is the ruled surface P(s) + y N(s), with the normal -B = -N x T on the axis. The flat plank bends by kn in its
-own plane. In the structure it bends by kg across this plane and twists by tg. The twist strains the edges of a plank
-of depth h by tg^2 h^2 / 8."""
+A plank is the ruled surface P(s) + y N(s), with the normal -B = -N x T on the axis (symbols as in `StripCourse`).
+The flat plank bends by kn in its own plane. In the structure it bends by kg across this plane and twists by tg. The
+twist strains the edges of a plank of depth h by tg^2 h^2 / 8."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course of a plank from a course along the surface: the normal is -B, left is the surface normal."""
+    """Return the course of a plank from a course along the surface: its normal is T x N, and N points to its left."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)

@@ -30,7 +30,7 @@ def largest_deviation(normals: Floats) -> float:
 
 
 def middle_direction(normals: Floats) -> Floats:
-    """Return the unit vector (3,) midway between those two of the unit vectors (q, 3) that make the largest angle."""
+    """Return the unit vector (3,) halfway between the two of the unit vectors (q, 3) that differ most."""
     i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
     direction = normals[i] + normals[j]
     return np.asarray(direction / np.linalg.norm(direction))
@@ -138,7 +138,7 @@ def plank_crossings(
 def _crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
-    """Return the crossing of two planks, by Newton steps u, v along the tangents T, U: P + u T + w n = Q + v U."""
+    """Return the crossing of two planks. Newton steps along both axes bring their points onto one surface normal."""
     s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
     for _ in range(5):
         (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
