@@ -188,7 +188,7 @@ def even_stripes_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> E
     if "even_slope" not in arrays:
         return None
     names = ("value", "sign", "shift", "singular")
-    major_phase, minor_phase = (CornerPhase(*(arrays[f"even_{k}_{name}"] for name in names)) for k in (0, 1))
+    major_phase, minor_phase = (CornerPhase(*[arrays[f"even_{k}_{name}"] for name in names]) for k in (0, 1))
     major, minor = (tuple(arrays[f"even_{k}_wanted"]) for k in (0, 1))
     part = {name: arrays[f"even_chart_{name}"] for name in ("V", "F", "parent", "z", "scale")}
     divided = Surface(part["V"], part["F"])
