@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose
 
 from dsfab.core.units import GRAVITY
 from dsfab.statics import SheetModel, buckling, mode_supports, sheet_stress, solve_for
-from dsfab.statics.thickness_basis import ThicknessBasis
+from dsfab.statics.elements import elements_of
+from dsfab.statics.thickness_basis import ThicknessBasis, ThicknessStiffness
 from dsfab.surface import Box, Force, LoadCase, SelfWeight, Side, Snow, Support, Surface
 from tests.shapes import grid, lifted, subsurface
 from tests.statics.supports import STEEL
@@ -82,3 +83,12 @@ def test_rounding_makes_the_stiffness_of_a_basis_singular_at_no_thickness():
     for membrane, bending, springs in (basis.reduced, basis.modes):
         stiffness = middle * membrane + middle**3 * bending + springs
         assert_allclose(stiffness, np.eye(len(stiffness)), atol=1e-5)
+
+
+@pytest.mark.parametrize(("share", "count"), [(5e-10, 2), (2e-11, 1)])
+def test_a_basis_has_no_vector_that_differs_from_another_by_less_than_a_ten_billionth(share, count):
+    sheet, loads = plate()
+    stiffness = ThicknessStiffness.from_sheet(sheet, [*loads.values()], elements_of("displacement"))
+    vectors = np.random.default_rng(0).normal(size=(2, len(stiffness.is_held))) * ~stiffness.is_held
+    vectors[1] = vectors[0] + share * vectors[1]
+    assert stiffness.basis(vectors.T, sheet.thickness).shape[1] == count
