@@ -249,3 +249,11 @@ def read(model: NetModel, seams: dict[int, LongSeam], folder: Path) -> tuple[Any
     end = closing(np.zeros(len(faces), int), [[0]], np.array(faces), new.free, "dish")
     (path := folder / "dish.step").write_text("".join([header("dish", "dish", 1), *new.text, *end]))
     return read_shape(path), new.text
+
+
+def test_patches_extend_a_tenth_farther_than_the_seam_between_them():
+    model, _, seams = with_long_seams(notch(), [])
+    past = seams[0].poles[-1, 1]  # the corner is at 0
+    assert [model.patches[0].poles[3, 3, 1] / past, model.patches[1].poles[0, 3, 1] / past] == (
+        pytest.approx([1.1, 1.1], rel=0.01)
+    )
