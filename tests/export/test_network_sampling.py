@@ -97,8 +97,7 @@ def arched(model, face, bend):
 
 @pytest.mark.parametrize(("bump", "exact"), [(0.00176, True), (0.00185, False)])
 def test_gaps_beside_an_arched_face_are_measured_at_right_angles_to_it(bump, exact):
-    """Where the face rises by 53 % to 67 %, a gap of .8 um along z is one of half a thousandth, below which it is
-    exact."""
+    """The face rises by 4 in 3 where a gap is widest: .8 um along z are .5 um, the limit of an exact face."""
     model, face = arched(*given([0.0, bump, 0.0, bump]), 0.01)
     (found,) = with_sampled_peaks(model, [face])
     assert found.exact == exact
