@@ -10,7 +10,7 @@ from dsfab.core.units import GRAVITY
 from dsfab.statics import SheetModel, buckling, mode_supports, sheet_stress, solve_for
 from dsfab.statics.elements import elements_of
 from dsfab.statics.thickness_basis import ThicknessBasis, ThicknessStiffness
-from dsfab.surface import Box, Force, LoadCase, SelfWeight, Side, Snow, Support, Surface
+from dsfab.surface import Boundary, Box, Force, LoadCase, SelfWeight, Side, Snow, Support, Surface
 from tests.shapes import grid, lifted, subsurface
 from tests.statics.supports import STEEL
 
@@ -92,3 +92,14 @@ def test_a_basis_has_no_vector_that_differs_from_another_by_less_than_a_ten_bill
     vectors = np.random.default_rng(0).normal(size=(2, len(stiffness.is_held))) * ~stiffness.is_held
     vectors[1] = vectors[0] + share * vectors[1]
     assert stiffness.basis(vectors.T, sheet.thickness).shape[1] == count
+
+
+def test_buckling_factors_are_right_where_modes_change_their_order():
+    """One mode of each solved thickness would not be enough for this flat cap at .1 m."""
+    cap = lifted(lambda x, y: x * (3.0 - x) * y * (3.0 - y) / 45, cells=8, length=3.0)
+    sheet, loads = loaded(cap, [Support(Boundary())], [Snow(1e5)])
+    basis = ThicknessBasis.from_sheet(sheet, loads, (THINNEST, THICKEST), [*loads])
+    load, found = basis.loads_at(0.1)["0"], basis.buckling_factors(0.1)["0"]
+    thick = replace(sheet, thickness=0.1)
+    full = solve_for(thick, {"0": load}, "displacement")["0"]
+    assert_allclose(found, buckling(thick, mode_supports(cap, load).load, full, 1).factor[0], rtol=WITHIN)
