@@ -154,7 +154,7 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     return sign
 
 
-FLOOR = 1e-6  # Smallest weight of the stress, so that the field is unique on an unstressed surface.
+FLOOR = 1e-6  # Smallest weight of the stress, compared with 1 for clear stress; directions exist also without stress.
 
 
 @dataclass(frozen=True, eq=False)
