@@ -162,7 +162,6 @@ def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0
 
 
-EXACT = 1e-9  # Difference up to which shares count as equal.
 COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
 """Factors on the approximate widths that decide which openings close, between members that are too close. Smaller
@@ -380,7 +379,8 @@ def layers_with_share(
         except PatternError as error:
             refused.append(error)
         else:
-            solution, distance = cache.layers_at(relative), abs(float(np.log(max(relative, EXACT) * factor / closing)))
+            distance = abs(float(np.log(max(relative, np.finfo(float).tiny) * factor / closing)))
+            solution = cache.layers_at(relative)
             if distance < np.log(2.5) or all(layer.closed is None for layer in solution):
                 return solution, factor * relative
             distant.append((distance, factor * relative, solution))
@@ -480,6 +480,6 @@ def _solved_width_message(preset: Preset, widths: Widths, factor: float, share: 
     else:
         became = f"the {widths.rule} widths were multiplied by {factor:.3g}"
     message = f"{became} for solid_fraction = {options.width.solid_fraction:.1%}"
-    if abs(share - options.width.solid_fraction) <= SHARE_TOLERANCE + EXACT:
+    if abs(share - options.width.solid_fraction) <= SHARE_TOLERANCE:
         return message
     return f"{message}; {share:.2%} is the nearest, because the share jumps where ends of members appear"

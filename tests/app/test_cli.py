@@ -18,7 +18,7 @@ from dsfab.app import bench as bench_module
 from dsfab.app.check import Expected
 from dsfab.app.cli import main
 from dsfab.app.options import Source
-from dsfab.core.errors import PresetError
+from dsfab.core.errors import DsfabError, PresetError
 from dsfab.core.toml_files import shipped_presets
 from dsfab.export import FORMATS
 from dsfab.preset.file import load_preset
@@ -522,3 +522,13 @@ def test_a_folder_named_like_a_preset_shadows_nothing(capsys, tmp_path, monkeypa
     assert "unknown key nothing" in refused(capsys, "sweep", "dome", "--vary", "nothing=1,2")
     assert "sweep.toml" in refused(capsys, "sweep", "dome")
     assert Expected().read_preset("dome").name == "dome"
+
+
+@pytest.mark.parametrize(("coarser", "says"), [("7.5", "no screen"), ("8.5", "is not a number from 1 to 8")])
+def test_figures_are_made_with_edges_up_to_eight_times_as_long(coarser, says, capsys, monkeypatch):
+    def without_screen():
+        raise DsfabError("no screen")
+
+    monkeypatch.setattr("dsfab.render.opengl.require_rendering", without_screen)
+    assert main(["reproduce", "bob", "--coarser", coarser]) != 0
+    assert says in capsys.readouterr().err

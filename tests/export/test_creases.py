@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from dsfab.core.errors import ExportError
 from dsfab.export import StepOptions, write
 from dsfab.export.cad.step.by_members.regions import net_of
-from dsfab.export.cad.step.shared.lifting import CreaseSides, crease_edges
+from dsfab.export.cad.step.shared.lifting import CreaseSides, crease_edges, ends_of_rows
 from dsfab.surface import SHAPES, Surface
 from tests.export.member_networks import T, draft_of, lifting_of, striped
 
@@ -161,3 +161,9 @@ def test_without_a_curved_sheet_step_falls_back_to_facets(way, tmp_path, inspect
     write(solid, tmp_path / "a.step", step=StepOptions(way, curved=crosses), note=said.append)
     assert (tmp_path / "a.step").stat().st_size > 0
     assert "crosses itself" in " ".join(said)
+
+
+def test_a_point_whose_third_weight_is_a_rounding_error_lies_on_an_edge():
+    weights = csr_array([[0.5, 0.5 - 5e-10, 5e-10], [0.5, 0.5 - 2e-9, 2e-9]])
+    low, high = ends_of_rows(weights)
+    assert (low.tolist(), high.tolist()) == ([0, -1], [1, -1])

@@ -1,5 +1,6 @@
 """The beam model as text for OpenSees and for CalculiX: what these programs, or PyNite, find of the file alone."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,12 @@ from dsfab.app.build import Files
 from dsfab.app.cli import main
 from dsfab.app.export import format_suffix
 from dsfab.core.errors import ExportError
-from dsfab.export import FORMATS, write
+from dsfab.export import FORMATS, Details, write
+from dsfab.export.part import part_of
 from dsfab.members.frame import solve_frame
 from dsfab.surface.shapes import plate
 from tests.calculix import needs_ccx, solved
-from tests.export.saf_members import crooked, written
+from tests.export.saf_members import ACTIONS, crooked, written
 from tests.opensees import needs_opensees, run
 
 CASES = ("dead", "snow", "crowd", "ULS 1", "lifted")
@@ -121,3 +123,14 @@ def test_a_vault_is_solved_again_by_opensees(tmp_path):
     assert theirs.u == pytest.approx(ours.u, abs=1e-6 * np.abs(ours.u).max())
     held = design.frame.fixed.any(axis=1)
     assert theirs.reaction[held] == pytest.approx(ours.reaction[held], abs=1e-6 * np.abs(ours.reaction).max())
+
+
+@pytest.mark.parametrize(("share", "is_equal"), [(5e-10, True), (2e-9, False)])
+@pytest.mark.parametrize("suffix", [".tcl", ".beams.inp", ".saf.xlsx"])
+def test_nodes_that_read_back_within_a_billionth_of_the_largest_coordinate_are_equal(tmp_path, suffix, share, is_equal):
+    form, frame = FORMATS[suffix], replace(crooked(), actions=ACTIONS)
+    path = written(frame, tmp_path / f"crooked{suffix}")
+    moved = replace(frame, points=frame.points + share * np.abs(frame.points).max())
+    part = replace(part_of(plate(1, 1, 1), "crooked"), details=Details(frame=moved))
+    with nullcontext() if is_equal else pytest.raises(ExportError, match="have other coordinates"):
+        form.check(part, path)

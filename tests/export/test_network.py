@@ -824,3 +824,17 @@ def test_without_stripes_the_file_is_smooth_and_says_why(tmp_path):
     write(solid, tmp_path / "a.step", step=ask, note=said.append)
     assert said[0].startswith("STEP is smooth")
     assert "needs the stripes" in said[0]
+
+
+def test_crossings_of_outlines_are_removed_in_three_attempts(monkeypatch):
+    """Here each attempt returns another net, as if it made outlines cross elsewhere."""
+    surface, attempts = cylinder_strip(8, 4), list[int]()
+    part, _, _ = draft_of(surface, striped(surface))
+
+    def without(net, curves, regions, apart):
+        attempts.append(len(regions))
+        return replace(net)
+
+    monkeypatch.setattr(draft, "without_crossings", without)
+    assert member_draft(part, SolidPlan(part)).solids == 1
+    assert len(attempts) == 3

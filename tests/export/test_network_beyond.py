@@ -12,7 +12,6 @@ from dsfab.export.cad.step.by_members import draft
 from dsfab.export.cad.step.by_members.curves import parts_of
 from dsfab.export.cad.step.by_members.draft import NetWriter, member_draft
 from dsfab.export.cad.step.by_members.fillet_edges import (
-    FACE_TOLERANCE,
     FILLET_SHARE,
     LARGE_FILLET_SHARE,
     POLE_OFFSET,
@@ -157,8 +156,9 @@ def test_a_seam_continues_over_a_trimmed_face_only_if_the_face_contains_it():
     one = replace(model, patches=model.patches[1:])
     new, (found,), seams = with_long_seams(one, [face])
     assert np.abs(found.gaps(bernstein(x / 260 + 0.5) @ seams[0].poles)).max() < 1e-9
-    bent = replace(face, outer=face.outer + 2 * FACE_TOLERANCE * np.array([0, 0, 1]))
-    assert with_long_seams(one, [bent])[2] == {}
+    near, far = (replace(face, outer=face.outer + [0, 0, gap]) for gap in (0.5e-6, 2e-6))
+    assert with_long_seams(one, [near])[2]
+    assert with_long_seams(one, [far])[2] == {}
     assert new.patches[0].within
 
 
@@ -249,3 +249,11 @@ def read(model: NetModel, seams: dict[int, LongSeam], folder: Path) -> tuple[Any
     end = closing(np.zeros(len(faces), int), [[0]], np.array(faces), new.free, "dish")
     (path := folder / "dish.step").write_text("".join([header("dish", "dish", 1), *new.text, *end]))
     return read_shape(path), new.text
+
+
+def test_patches_extend_a_tenth_farther_than_the_seam_between_them():
+    model, _, seams = with_long_seams(notch(), [])
+    past = seams[0].poles[-1, 1]  # the corner is at 0
+    assert [model.patches[0].poles[3, 3, 1] / past, model.patches[1].poles[0, 3, 1] / past] == (
+        pytest.approx([1.1, 1.1], rel=0.01)
+    )

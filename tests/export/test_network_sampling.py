@@ -80,3 +80,24 @@ def test_all_digits_of_a_face_very_near_to_a_seam_count():
     assert not with_sampled_peaks(model, [face])[0].exact
     model, face = given([0.0, 0.02, 0.0, 1e-4])
     assert with_sampled_peaks(model, [face])[0].exact
+
+
+def arched(model, face, bend):
+    """The same, bent upwards along the seams by `bend` times the square of y."""
+    B = bernstein(np.linspace(0, 1, 4))
+    rise = np.linalg.inv(B) @ (bend * (B @ np.array([-1, 33, 67, 101.0])) ** 2)
+    edges = []
+    for edge in model.edges:
+        z = np.linalg.inv(B) @ (bend * (B @ edge.poles[:, 1]) ** 2)
+        edges.append(replace(edge, poles=edge.poles + z[:, None] * [0, 0, 1, 0, 0, 1]))
+    outer, inner = (skin + rise[:, None] * [0, 0, 1] for skin in (face.outer, face.inner))
+    vertices = [edge.poles[0] for edge in edges]
+    return replace(model, edges=edges, vertices=vertices), replace(face, outer=outer, inner=inner)
+
+
+@pytest.mark.parametrize(("bump", "exact"), [(0.00176, True), (0.00185, False)])
+def test_gaps_beside_an_arched_face_are_measured_at_right_angles_to_it(bump, exact):
+    """The face rises by 4 in 3 where a gap is widest: .8 um along z are .5 um, the limit of an exact face."""
+    model, face = arched(*given([0.0, bump, 0.0, bump]), 0.01)
+    (found,) = with_sampled_peaks(model, [face])
+    assert found.exact == exact

@@ -191,3 +191,15 @@ def test_triangles_of_a_placed_shape_have_its_position():
         assert found["solids"] == 1
         assert len(mesh["F"]) == 12
         np.testing.assert_allclose([mesh["V"].min(axis=0), mesh["V"].max(axis=0)], [at, at + [1, 2, 3]], atol=1e-9)
+
+
+def test_triangles_deviate_from_a_shape_by_a_ten_thousandth_of_its_boxs_diagonal():
+    """A disc 1 mm thick with a radius of 100 mm: the largest distance is that of chords of its wall."""
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder
+
+    mesh, _ = triangles.triangles_of(BRepPrimAPI_MakeCylinder(100.0, 1.0).Shape())
+    corners = mesh["V"][mesh["F"]]
+    wall = corners[np.ptp(corners[..., 2], axis=1) > 0]
+    middles = (wall + np.roll(wall, 1, axis=1)) / 2
+    sag = 100 - np.linalg.norm(middles[..., :2], axis=2).min()
+    assert 0.3e-4 < sag / np.sqrt(200**2 + 200**2 + 1) < 1.1e-4

@@ -85,3 +85,10 @@ def plan_of(design):
     part = replace(prepare(part_of(design.solid, "dome", 10**6)), curved=partial(curved_design, design))
     plan = SmoothPlan(part)
     return plan.build(next(plan.layouts()))
+
+
+@pytest.mark.parametrize(("past", "crosses"), [(5e-10, False), (2e-9, True)])
+def test_a_corner_crosses_a_side_if_it_lies_more_than_rounding_past_it(past, crosses):
+    """Each chord of the side is 1 long."""
+    piece = outline((0, 0), (16, 0), (16, 5), (8.5, -past), (0, 5))
+    assert (len(crossings(piece)) > 0) == crosses

@@ -557,3 +557,13 @@ def test_images_make_directions_and_densities_symmetric():
     x = plate.V[:, 0] ** 3 + plate.V[:, 1]
     assert images.mean(x) == pytest.approx(plate.V[:, 1], abs=1e-12)
     assert Images.identity(plate.n).directions(frames, found) is found
+
+
+@pytest.mark.parametrize(("length", "reached"), [(0.004, True), (0.0025, False)])
+def test_directions_reach_some_ten_thousand_smoothing_lengths_into_parts_without_stress(length, reached):
+    """A strip of 50 m with stress in its first metre; beyond the reach an edge is the direction."""
+    strip = grid(250, 1, 50.0, 0.2)
+    pull = np.tile([0.6, 0.8, 0.0], (strip.m, 1))
+    stress = uniaxial(strip, pull, (strip.centroids[:, 0] < 1.0).astype(float))
+    last = cross_field(Frames.for_surface(strip), stress, length)[np.isclose(strip.V[:, 0], 50.0)]
+    assert (np.abs(last @ [0.6, 0.8, 0.0]) > 0.999).all() == reached

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import eigh
+from scipy.sparse import csr_array
 
 from dsfab.core import sparse
 from dsfab.core.errors import StaticsError
@@ -24,8 +25,8 @@ from dsfab.statics import (
     solve_statics,
 )
 from dsfab.statics.elements import edge_frames
-from dsfab.statics.factorisation import stiffness_factor
-from dsfab.statics.modes import geometric_stiffness, mass_matrix
+from dsfab.statics.factorisation import Factor, stiffness_factor
+from dsfab.statics.modes import _refined_eigenpairs, geometric_stiffness, mass_matrix
 from dsfab.surface import LoadCase, Surface
 from tests.shapes import grid, jittered, joined, lifted, moebius, three_leaves, tube
 from tests.statics.sheets import unknowns
@@ -343,3 +344,16 @@ def test_an_inexact_factor_of_the_stiffness_still_gives_exact_frequencies():
 
     exact, found = (frequencies(SheetModel(s, STEEL, H), fixed, 3, factor_of=f) for f in (stiffness_factor, rough))
     assert_allclose(found.hertz, exact.hertz, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("angle", "are_two"), [(0.003, True), (0.002, False)])
+def test_steps_that_refine_two_modes_count_as_one_if_they_are_nearly_parallel(angle, are_two, monkeypatch):
+    """Eigenvalues 2, 1, 1/2 and -1/2; both modes are wrong in the directions of the last two, at an angle. With both
+    steps the result is exact. The stiffness is 1."""
+    monkeypatch.setattr("dsfab.statics.modes.REFINEMENTS", 1)
+    A, factor = np.diag([2.0, 1.0, -0.5, 0.5]), Factor(csr_array(np.eye(4)), np.arange(4), np.ones(4), np.copy)
+    x = np.array([[0, 1, 0.3, 0], [1, 0, 0.3 * np.cos(angle), 0.3 * np.sin(angle)]]).T
+    x /= np.linalg.norm(x, axis=0)
+    mu, _, _ = _refined_eigenpairs(A, factor, np.einsum("nk,nk->k", x, A @ x), x)
+    assert mu == pytest.approx([1, 2], abs=1e-6)
+    assert (np.abs(mu - [1, 2]).max() < 1e-9) == are_two

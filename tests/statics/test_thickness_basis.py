@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose
 
 from dsfab.core.units import GRAVITY
 from dsfab.statics import SheetModel, buckling, mode_supports, sheet_stress, solve_for
-from dsfab.statics.thickness_basis import ThicknessBasis
-from dsfab.surface import Box, Force, LoadCase, SelfWeight, Side, Snow, Support, Surface
+from dsfab.statics.elements import elements_of
+from dsfab.statics.thickness_basis import ThicknessBasis, ThicknessStiffness
+from dsfab.surface import Boundary, Box, Force, LoadCase, SelfWeight, Side, Snow, Support, Surface
 from tests.shapes import grid, lifted, subsurface
 from tests.statics.supports import STEEL
 
@@ -82,3 +83,23 @@ def test_rounding_makes_the_stiffness_of_a_basis_singular_at_no_thickness():
     for membrane, bending, springs in (basis.reduced, basis.modes):
         stiffness = middle * membrane + middle**3 * bending + springs
         assert_allclose(stiffness, np.eye(len(stiffness)), atol=1e-5)
+
+
+@pytest.mark.parametrize(("share", "count"), [(5e-10, 2), (2e-11, 1)])
+def test_a_basis_has_no_vector_that_differs_from_another_by_less_than_a_ten_billionth(share, count):
+    sheet, loads = plate()
+    stiffness = ThicknessStiffness.from_sheet(sheet, [*loads.values()], elements_of("displacement"))
+    vectors = np.random.default_rng(0).normal(size=(2, len(stiffness.is_held))) * ~stiffness.is_held
+    vectors[1] = vectors[0] + share * vectors[1]
+    assert stiffness.basis(vectors.T, sheet.thickness).shape[1] == count
+
+
+def test_buckling_factors_are_right_where_modes_change_their_order():
+    """One mode of each solved thickness would not be enough for this flat cap at .1 m."""
+    cap = lifted(lambda x, y: x * (3.0 - x) * y * (3.0 - y) / 45, cells=8, length=3.0)
+    sheet, loads = loaded(cap, [Support(Boundary())], [Snow(1e5)])
+    basis = ThicknessBasis.from_sheet(sheet, loads, (THINNEST, THICKEST), [*loads])
+    load, found = basis.loads_at(0.1)["0"], basis.buckling_factors(0.1)["0"]
+    thick = replace(sheet, thickness=0.1)
+    full = solve_for(thick, {"0": load}, "displacement")["0"]
+    assert_allclose(found, buckling(thick, mode_supports(cap, load).load, full, 1).factor[0], rtol=WITHIN)

@@ -350,3 +350,11 @@ def test_polygons_of_over_two_thousand_corners_are_cut_by_delaunay(corners, by_e
     flat = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (2 + np.arange(corners)[:, None] % 2)
     assert len(large_polygon_triangles(np.c_[flat, 0 * angle])) == corners - 2
     assert bool(asked) == by_earcut
+
+
+@pytest.mark.parametrize(("kilobytes", "is_read"), [(900, True), (1100, False)])
+def test_the_header_of_a_ply_file_has_at_most_a_million_bytes(kilobytes, is_read, tmp_path):
+    lines = 10 * kilobytes * (b"comment ".ljust(99, b".") + b"\n")
+    file = BadFile("long.ply", ply_text().replace(b"end_header", lines + b"end_header"), None)
+    found = outcome(written(file, tmp_path))
+    assert isinstance(found, str) != is_read

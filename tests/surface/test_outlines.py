@@ -19,7 +19,7 @@ from dsfab.surface.loads.outline_cuts import with_outline
 from dsfab.surface.loads.outlines import depth_in, enclosed_area, extent_of, self_crossing
 from dsfab.surface.loads.pickers import pierced_faces
 from tests.presets import DOME_MODES
-from tests.shapes import grid, sphere
+from tests.shapes import grid, sphere, stacked
 from tests.surface.outline_drawings import DOOR, drawing, star
 
 L_SHAPE = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0))
@@ -386,3 +386,12 @@ def test_a_narrow_gap_between_two_strokes_stays_open():
     made = with_outline(coarse, extent, np.zeros(coarse.n, dtype=bool)).surface
     area = made.areas[extent.depth(made.centroids) > 0].sum()
     assert area == pytest.approx((4 + np.pi * bend) * 2 * radius + np.pi * radius**2, rel=5e-3)
+
+
+@pytest.mark.parametrize(("degrees", "layers"), [(0.8, 2), (1.3, 1)])
+def test_a_curve_is_seen_from_above_if_it_is_level_within_a_degree(degrees, layers):
+    """A tilted curve is seen along its normal, and picks only the nearer of two roofs."""
+    roofs, rise = stacked(PLATE, 0.5), np.tan(np.radians(degrees))
+    curve = tuple((x, y, 2.0 + rise * x) for x, y in ((0.2, 0.2), (0.8, 0.2), (0.8, 0.8), (0.2, 0.8)))
+    picked = ClosedCurves(curves=(curve,)).vertices(roofs)
+    assert len(np.unique(np.round(roofs.V[picked, 2], 6))) == layers

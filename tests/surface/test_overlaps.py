@@ -422,3 +422,11 @@ def test_sheets_are_parallel_if_the_smaller_has_over_four_fifths_of_the_area(sha
     large, small = grid(8, 8, 1.0, 1.0), grid(8, 8, 1.0, share)
     both = joined(large, Surface(small.V + [0, (1 - share) / 2, 0.05], small.F))
     assert len(list(parallel_remarks(both.V, both.F))) == count
+
+
+@pytest.mark.parametrize(("size", "is_far"), [(1.0, True), (1.4, False)])
+def test_six_digits_are_remarked_if_a_mesh_is_a_hundred_times_its_size_away(size, is_far):
+    """121 m away the sixth digit is a millimetre, and the edges are 2 cm long."""
+    surface = grid(round(size / 0.02), 2, size, 0.04)
+    words = number_steps(np.round(surface.V + [121.0 - size, 0, 0], 3), surface.F)[1]
+    assert ("6 digits" in words) == is_far

@@ -14,7 +14,7 @@ from dsfab.surface import Surface
 from dsfab.surface.loads.pickers import All, Ball, Side
 from dsfab.thickening import Base, Solid, SplitBodies, offsets, parts, thicken, with_extras
 from dsfab.thickening.extras.cutting import Holes, Trim
-from dsfab.thickening.extras.feet_and_rings import Feet, Ring
+from dsfab.thickening.extras.feet_and_rings import Feet, Ring, _bend_points
 from dsfab.thickening.self_intersection import intersecting_pairs
 from tests.shapes import grid, jittered, moebius, sphere
 
@@ -274,3 +274,13 @@ def test_a_preset_has_extras():
 def test_mistakes_in_extras_are_named_by_their_key(extra, words):
     with pytest.raises(PresetError, match=words):
         dsfab.load_preset("cantilever", {"thickening.extra": [extra]})
+
+
+@pytest.mark.parametrize(("bend", "corners"), [(0.8e-9, 4), (1.6e-9, 5)])
+def test_a_ring_beam_has_sections_only_where_the_boundary_bends(bend, corners):
+    """The boundary is 1 m long on each side, in edges of .25 m, and bends by as many radians at one vertex."""
+    surface = grid(4, 4, 1.0, 1.0)
+    V = surface.V.copy()
+    V[np.isclose(V[:, 0], 0.5) & (V[:, 1] == 0), 1] -= bend / 8
+    bent = Surface(V, surface.F)
+    assert len(_bend_points(bent, bent.loops[0])[0]) == corners

@@ -1,6 +1,7 @@
 """Thickening: closed forms and their rates, laws over a zoo, real surfaces, repairs, refusals."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -514,3 +515,12 @@ def test_pairs_after_moves_are_those_of_the_whole_mesh(seed, some, far):
     after = pairs_after_moves(V, ball.F, before, moved)
     assert np.array_equal(after, intersecting_pairs(V, ball.F))
     assert pairs_after_moves(V, ball.F, after, np.zeros(ball.n, dtype=bool)) is after
+
+
+@pytest.mark.parametrize(("error", "is_refused"), [(2.5e-9, False), (5e-9, True)])
+def test_two_volumes_of_a_solid_may_differ_by_rounding(error, is_refused):
+    """A plate of 1 x 1 x .1 m: a billionth of its area times its size is 3.4e-9 m3."""
+    solid = made(grid(2, 2, 1.0, 1.0), 0.1)
+    solid.__dict__["volume"] = 0.1 + error
+    with pytest.raises(SolidError, match="manifold3d measures") if is_refused else nullcontext():
+        check_solid(solid)
