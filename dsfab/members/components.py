@@ -259,7 +259,7 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 
 def without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
-    """Give connected loose cells the label of their neighbours, if all neighbours have the same label.
+    """Give connected loose (m,) cells the label (m,) of their neighbours, if all neighbours have the same label.
     Fairing of walls leaves such narrow cells outside of all stripes."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]

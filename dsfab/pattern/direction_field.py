@@ -154,9 +154,7 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     return sign
 
 
-FLOOR = (
-    1e-6  # Smallest weight of the stress, compared with 1 for clear stress. It makes the field unique without stress.
-)
+FLOOR = 1e-6  # Smallest weight of the stress; a clear stress has 1. It makes the field unique without stress.
 
 
 @dataclass(frozen=True, eq=False)

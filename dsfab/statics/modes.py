@@ -324,13 +324,13 @@ def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) ->
     defects = A @ x - mu * (factor.map @ x)
     residual = np.sqrt(np.einsum("nk,nk->k", defects, np.stack([factor.solve(c) for c in defects.T], axis=1)).clip(0))
     if not (residual <= MODE_RESIDUAL * mu).all():
-        mu, x, residual = _refined_eigenpairs(A, factor, mu, x)
+        mu, x, residual = refined_eigenpairs(A, factor, mu, x)
     if not (residual <= MODE_RESIDUAL * mu).all():
         raise StaticsError("the modes are not accurate: the sheet is too thin for its size or nearly a mechanism")
     return mu, x
 
 
-def _refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
+def refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
     """Return eigenvalues (k,), vectors (N, k) and last changes (k,) of the eigenvalues [Davidson 1975].
     If edges are far shorter than the thickness, rounding makes residuals large, although the eigenvalues converge."""
     K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)

@@ -217,7 +217,7 @@ class PrismPart(NamedTuple):
 
 
 def prism_part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> PrismPart:
-    """Return the closed mesh over the faces of a part. Patches that touch in a vertex get separate copies of it."""
+    """Return the closed mesh of a part, with offsets `corners` (m, 3, 3), m. Patches at one vertex get copies of it."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

@@ -26,7 +26,7 @@ from dsfab.statics import (
 )
 from dsfab.statics.elements import edge_frames
 from dsfab.statics.factorisation import Factor, stiffness_factor
-from dsfab.statics.modes import _refined_eigenpairs, geometric_stiffness, mass_matrix
+from dsfab.statics.modes import geometric_stiffness, mass_matrix, refined_eigenpairs
 from dsfab.surface import LoadCase, Surface
 from tests.shapes import grid, jittered, joined, lifted, moebius, three_leaves, tube
 from tests.statics.sheets import unknowns
@@ -354,6 +354,6 @@ def test_steps_that_refine_two_modes_count_as_one_if_they_are_nearly_parallel(an
     A, factor = np.diag([2.0, 1.0, -0.5, 0.5]), Factor(csr_array(np.eye(4)), np.arange(4), np.ones(4), np.copy)
     x = np.array([[0, 1, 0.3, 0], [1, 0, 0.3 * np.cos(angle), 0.3 * np.sin(angle)]]).T
     x /= np.linalg.norm(x, axis=0)
-    mu, _, _ = _refined_eigenpairs(A, factor, np.einsum("nk,nk->k", x, A @ x), x)
+    mu, _, _ = refined_eigenpairs(A, factor, np.einsum("nk,nk->k", x, A @ x), x)
     assert mu == pytest.approx([1, 2], abs=1e-6)
     assert (np.abs(mu - [1, 2]).max() < 1e-9) == are_two

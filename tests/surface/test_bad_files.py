@@ -345,7 +345,8 @@ def test_commas_in_numbers_are_named(tmp_path):
 def test_polygons_of_over_two_thousand_corners_are_cut_by_delaunay(corners, by_earcut, monkeypatch):
     """Earcut is faster for few corners and takes up to n^2 steps for many."""
     asked = []
-    monkeypatch.setattr(polygon_cuts, "_earcut", lambda flat, cut=polygon_cuts._earcut: asked.append(1) or cut(flat))
+    cut = polygon_cuts.earcut_triangles
+    monkeypatch.setattr(polygon_cuts, "earcut_triangles", lambda flat: asked.append(1) or cut(flat))
     angle = 2 * np.pi * np.arange(corners) / corners
     flat = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (2 + np.arange(corners)[:, None] % 2)
     assert len(large_polygon_triangles(np.c_[flat, 0 * angle])) == corners - 2

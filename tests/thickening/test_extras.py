@@ -14,7 +14,7 @@ from dsfab.surface import Surface
 from dsfab.surface.loads.pickers import All, Ball, Side
 from dsfab.thickening import Base, Solid, SplitBodies, offsets, parts, thicken, with_extras
 from dsfab.thickening.extras.cutting import Holes, Trim
-from dsfab.thickening.extras.feet_and_rings import Feet, Ring, _bend_points
+from dsfab.thickening.extras.feet_and_rings import Feet, Ring, bend_points
 from dsfab.thickening.self_intersection import intersecting_pairs
 from tests.shapes import grid, jittered, moebius, sphere
 
@@ -283,4 +283,4 @@ def test_a_ring_beam_has_sections_only_where_the_boundary_bends(bend, corners):
     V = surface.V.copy()
     V[np.isclose(V[:, 0], 0.5) & (V[:, 1] == 0), 1] -= bend / 8
     bent = Surface(V, surface.F)
-    assert len(_bend_points(bent, bent.loops[0])[0]) == corners
+    assert len(bend_points(bent, bent.loops[0])[0]) == corners

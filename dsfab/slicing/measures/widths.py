@@ -291,7 +291,7 @@ class Features:
 
 
 def below_limit(sizes: float | Floats, limit: float) -> Bools:
-    """Return a mask of sizes under a limit, metres, with a tolerance of `ROUNDING`."""
+    """Return a mask (k,) of sizes (k,) under a limit, metres, with a tolerance of `ROUNDING`."""
     return np.asarray(np.asarray(sizes) < limit * (1 - ROUNDING))
 
 

@@ -84,7 +84,7 @@ class Ring:
 def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifold3d.Manifold":
     import manifold3d
 
-    V, F = closed_bar(*_bend_points(surface, loop), width, height)
+    V, F = closed_bar(*bend_points(surface, loop), width, height)
     beam = manifold3d.Manifold(manifold3d.Mesh64(V, F.astype(np.uint64)))
     pairs = intersecting_pairs(V, F)
     if len(pairs) or beam.status() != manifold3d.Error.NoError or beam.volume() <= 0:
@@ -96,7 +96,7 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
     return beam
 
 
-def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
+def bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
     """Return points (k, 3) where a loop bends, and direction and normal (k, 3) of the sides that begin at these points.
     Seen against a normal, the surface lies left of the loop. On a one-sided strip, the normal changes its side."""
     V, edges = surface.V, surface.edges

@@ -170,7 +170,7 @@ class FaceDivision:
         return steps
 
     def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face by the first seam whose two parts are both clearly better, or by the best of many seams."""
+        """Divide a face with inner points (k, 6) by the first seam that makes both parts better, or by the best one."""
         less = 0.9  # largest `allowance_used` of the worse part / that of the whole face
         loop, model = self.over_halves(face.loops[0]), self.model  # an earlier division may have halved an edge
         best_seam: tuple[int, int, Floats] | None = None
