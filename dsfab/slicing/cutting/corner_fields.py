@@ -238,7 +238,7 @@ class StripeCut:
         return slots, cells.following[slots]
 
     def with_snapped_stripes(self, fraction: float) -> "StripeCut":
-        """Move stripes onto vertices near their edges; their widths do not change."""
+        """Move whole stripes so that their edges meet nearby vertices; the widths of stripes do not change."""
         values = self.seen.values
         reach = np.zeros(values.size)
         for side in (0, 1):

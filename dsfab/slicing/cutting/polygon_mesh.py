@@ -169,7 +169,7 @@ class Contacts:
     """Stretches (k,) of outline along which two parts (p,) touch.
 
     parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
-    links  : (l, 2) consecutive stretches around a part. Stretch i is i on its first part, and i + k on its second.
+    links  : (l, 2) consecutive stretches around a part. Stretch i is called i + k on its second part.
     around : (p,) length of each part's outline, metres."""
 
     parts: Ints

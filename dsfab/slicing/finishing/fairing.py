@@ -133,7 +133,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Return a matrix for unknown steps: its row k is the sum over j of value[k, j] . step of vertex q[k, j]."""
+    """Return a matrix whose product with the steps is, in row k, the sum over j of value[k, j] . step of q[k, j]."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
