@@ -30,7 +30,7 @@ from dsfab.surface import (
 
 IMAGE_OFF_SURFACE = 0.25  # Largest distance of a vertex's image from the surface, in mean edges.
 OFF_SUPPORT = 1.0
-"""Largest distance of images of supported vertices from supported vertices, in mean edges: picks are no better."""
+"""Largest distance, in mean edges, of images of supported vertices from supported vertices; picks are as inexact."""
 OFF_LOAD = (0.3, 0.02)
 """Largest difference of loads from their images, divided by the total load: for smoothed forces, and for resultants."""
 SAMPLE_POINTS = 100  # Number of points that are checked before all points.

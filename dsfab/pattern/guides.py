@@ -113,7 +113,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
     """Return squares (n,) of the direction of the curve's nearest piece, complex; their size falls to 0 at the reach.
-    Other pieces count less; they must be farther by less than a tenth of the reach."""
+    Other pieces count less, and only if they are farther by less than a tenth of the reach."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)

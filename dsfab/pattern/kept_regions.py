@@ -117,7 +117,7 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return a mask (e,) of edges at a region's outline: distance is not linear there, or snaps move it too far."""
+    """Return a mask (e,) of edges at an outline where distances are not linear, or snaps move the outline too far."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
@@ -232,7 +232,7 @@ def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.in
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
     """Return a mask (n,) of marked vertices in patches, which have marked faces. Other vertices form points and curves.
-    A face with three vertices on the boundary, or an inner edge with two, never counts: it depends on the mesh."""
+    Faces with three boundary vertices, and inner edges with two, do not count as marked: they depend on the mesh."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))

@@ -96,7 +96,7 @@ class Flow:
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
-    """Return about the result (n,) of 20 inverse iterations with B from start (n,); 12 solves give an error of 1e-5.
+    """Return the result (n,) of 20 inverse iterations with B from start (n,), by 12 solves, with an error of 1e-5.
     B conjugates some numbers, so it is linear only for their real and imaginary parts."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12

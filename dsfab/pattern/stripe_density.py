@@ -69,8 +69,8 @@ class Halving(NamedTuple):
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     """Return the halvings that make the spacing of stripes most even; u : (n,) logarithm of their density.
-    The function tries several limits: the smallest density after halving is the median down to a quarter of it. The
-    best limit has the smallest ratio of the percentiles P95 and P5 of the spacing. Each halving must reduce it by 5 %,
+    The function tries lower limits of the density after halving, from the median to a quarter of it. The best limit
+    gives the smallest ratio of the percentiles P95 and P5 of the spacing. Each halving must reduce this ratio by 5 %,
     because halvings end members. The densest 2 % of the area do not count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)

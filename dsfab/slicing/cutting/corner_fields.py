@@ -108,7 +108,7 @@ class PolygonField:
         return changed
 
     def side_values(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """Return the field at both ends of every side; foreign : (h,) sides without an own value, default `blank`."""
+        """Return the field at both ends of every side; foreign : (h,) slots without a value, default `blank`."""
         return SideValues.from_slots(
             self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
         )

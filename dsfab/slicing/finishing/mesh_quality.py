@@ -103,7 +103,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of a vertex's neighbours along lines. If there are two, the sum minus one is the other."""
+        """(n',) sum of a vertex's neighbours along lines. If there are two, the sum minus the first is the second."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)

@@ -78,7 +78,7 @@ class Openings:
         opposite_share = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
         opposite_share = np.where(enclosed, opposite_share, opposite_share == 1)
         result = _harmonic(between, square, opposite_share)
-        around[~enclosed] = 1.0  # any value but 0, because it divides an unused ratio
+        around[~enclosed] = 1.0  # not used; any number but 0 prevents a division by 0
         return np.where(enclosed, np.maximum(result, self.hydraulic_diameters / (2 * around)), result)
 
     @cached_property

@@ -116,7 +116,7 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
 
 
 def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
-    """Return a mask (m,) of cells of other fields, which may cover stripes of band k."""
+    """Return a mask (m,) of cells whose field may cover stripes of band k."""
     covers = np.array([band.family != bands[k].family and (band.hides or not bands[k].hides) for band in bands])
     covers &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
     return np.asarray(covers[family])
