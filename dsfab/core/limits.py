@@ -33,7 +33,7 @@ FACETS = 0.2
 At 0.2, flat facets change the compliance of a curved sheet by 1 %, and its largest stress by up to 20 %."""
 SLIT = 0.25  # Half width of members, in periods, at which members and openings have the same width.
 CROWDING = 1.25  # Largest width of crowded members, divided by the median width; both in periods.
-FILM = 0.05  # Largest thickness of a film, as a fraction of the sheet's thickness.
+FILM = 0.05  # A solid counts as a film where it is thinner than this fraction of the sheet's thickness.
 OUTLINE = 1 / 40  # Default tolerance of lines and planar outlines, divided by the thickness.
 OFF_SURFACE = 1 / 20
 """Default limit for the distance between the solid in a file and the solid of the design, divided by the thickness.

@@ -145,7 +145,7 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
     """Return phases (n,), in periods, shifted by half a period if more weight (n,) then lies on centre lines.
-    Both are equally good solutions of `Flow.solve`. Phases stay if the weighted mean of their cosine is above -0.02."""
+    Shifted phases are as good for `Flow.solve`. Phases stay if the weighted mean of their cosine is above -0.02."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))

@@ -106,8 +106,8 @@ class PolygonMesh:
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
         """Slots (p,), (p,), (p,) of the inner edges.
 
-        The first two arrays are the slots of the edge in its first and in its second polygon. The first slot's side
-        begins at a vertex. The third array is the second polygon's slot at this vertex."""
+        The first two arrays: the slot of the edge in its first, and in its second polygon. The third array: the second
+        polygon's slot at the vertex where the side of the first slot begins."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -169,7 +169,7 @@ class Contacts:
     """Stretches (k,) of outline along which two parts (p,) touch.
 
     parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
-    links  : (l, 2) consecutive stretches around a part. Stretch i is called i + k on its second part.
+    links  : (l, 2) consecutive stretches around a part. Stretch i has the number i + k on its second part.
     around : (p,) length of each part's outline, metres."""
 
     parts: Ints

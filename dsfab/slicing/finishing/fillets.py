@@ -89,7 +89,7 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Return points (p, 2) where loops turn left by over `SHARPEST`; also the right unit normals of both sides."""
+    """Return points (p, 2) where loops turn left by over `SHARPEST`, and right-hand unit normals before and after."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:

@@ -59,7 +59,7 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) width of each opening divided by the width of the narrower member beside it: the median along its walls.
+        """(o,) median along each opening's walls of its width, divided by the width of the narrower member beside it.
 
         Only walls with an opposite wall count. If they are under 5 % of the walls, as in a triangle, the width is the
         side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of both ratios. The
