@@ -151,7 +151,7 @@ def sorted_order(keys: Ints) -> Ints:
 
 
 def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return `sorted_order` of integers (k,), the first positions in it of equal keys, and each key's group (k,)."""
+    """Return `sorted_order` of integers (k,), the starts of equal integers in it, and each integer's group (k,)."""
     order, ascending = _stable_sort(keys)
     is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     group = np.empty(len(keys), dtype=np.int64)

@@ -19,8 +19,8 @@ The limit is far below the error of the elements. Rounding errors reach 1e-8 on 
 number of threads, so the limit is far above them."""
 LARGEST_MOVE = 0.1  # Largest displacement for linear statics, divided by the longest side of the box.
 AT_ONE_VERTEX = 0.95  # Largest accepted fraction of the reactions at one vertex.
-FEW_VERTICES = 3  # Recommended number of vertices of a loaded support.
-SOME_REACTION = 0.05  # Smallest fraction of the reactions on a loaded support.
+FEW_VERTICES = 3  # Smallest recommended number of vertices of a loaded support.
+SOME_REACTION = 0.05  # A support is loaded if it takes more than this fraction of the reactions.
 FAR_FROM_SURFACE = 0.25  # Largest distance of a point support or load from its vertex, in surface sizes.
 LEAST_LOAD_SHARE = 1e-3  # Smallest force of snow or wind that counts, divided by pressure times area.
 MOST_FACES = 4_000_000  # Largest number of triangles of a mesh.
@@ -31,15 +31,15 @@ CONVERGED = 0.02  # Largest relative error bound of a computed compliance.
 FACETS = 0.2
 """Largest L^2 / (R h) of a mesh without a warning: edge length L, radius of curvature R, thickness h.
 At 0.2, flat facets change the compliance of a curved sheet by 1 %, and its largest stress by up to 20 %."""
-SLIT = 0.25  # Largest half width, in periods, of members without slits between them.
+SLIT = 0.25  # Half width of members, in periods, at which members and openings have the same width.
 CROWDING = 1.25  # Largest width of crowded members, divided by the median width; both in periods.
-FILM = 0.05  # Largest thickness of a film, as a fraction of the sheet's thickness.
+FILM = 0.05  # A solid counts as a film where it is thinner than this fraction of the sheet's thickness.
 OUTLINE = 1 / 40  # Default tolerance of lines and planar outlines, divided by the thickness.
 OFF_SURFACE = 1 / 20
 """Default limit for the distance between the solid in a file and the solid of the design, divided by the thickness.
 The limit applies to smoothed solids, to simplified solids, and to files with curves."""
 SIMPLIFIED_OFF_SURFACE = 2  # Factor on `OFF_SURFACE` for planar solids with too many faces for a file.
-DEFLECTION = 1 / 4  # Largest distance between curved faces and the triangles that check them, in `OFF_SURFACE`.
+DEFLECTION = 1 / 4  # Largest distance between curved faces and the triangles that check them, divided by `OFF_SURFACE`.
 CHANGED_VOLUME = 5e-3  # Largest relative change of a volume by curves or by fewer triangles.
 READ_BACK = 1e-3  # Largest relative error of volume, area, lengths and box in a file.
 

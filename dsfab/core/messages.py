@@ -27,7 +27,7 @@ def count_phrase(number: int, thing: str) -> str:
 
 
 def stopping_clause(count: int) -> str:
-    """Return the clause for bars that would collide: 'stops before its ends, where it would run into'."""
+    """Return words about bars that would collide, such as 'stops before its ends, where it would run into'."""
     ends = "stops before its ends, where it" if count == 1 else "stop before their ends, where they"
     return f"{ends} would run into"
 

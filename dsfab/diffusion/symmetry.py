@@ -30,7 +30,7 @@ from dsfab.surface import (
 
 IMAGE_OFF_SURFACE = 0.25  # Largest distance of a vertex's image from the surface, in mean edges.
 OFF_SUPPORT = 1.0
-"""Largest distance of images of supported vertices from supported vertices, in mean edges, the accuracy of a picker."""
+"""Largest distance, in mean edges, of images of supported vertices from supported vertices; picks are as inexact."""
 OFF_LOAD = (0.3, 0.02)
 """Largest difference of loads from their images, divided by the total load: for smoothed forces, and for resultants."""
 SAMPLE_POINTS = 100  # Number of points that are checked before all points.
@@ -81,7 +81,7 @@ class Symmetry:
         (Rayleigh and Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
-        keep = share > 0.5**2  # shares are near 0 or 1
+        keep = share > 0.5**2  # shares are near 0 or near 1, so the exact limit does not matter
         B = Y @ (C[:, keep] / np.sqrt(share[keep]))
         lam, Q = np.linalg.eigh(B.T @ (L @ B))
         return lam, B @ Q
@@ -245,8 +245,8 @@ def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) 
 
     axes : (3, 3) orthonormal rows that rotate with the surface, its supports and its loads.
 
-    A sample of points checks each candidate. The remaining candidates are checked together at all points. They are
-    checked one by one if this check fails."""
+    Each candidate is checked at a sample of points. The remaining candidates are checked together at all points, and
+    one by one if this check fails."""
     glance = _QuickCheck(surface, tuple(loads))
     generators = [R for R in _generators(surface, axes, glance) if glance.allows(R)]
     if not generators:
@@ -332,8 +332,8 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
     """Return the normal (3,) of the best mirror for an irregular mesh of a round surface.
-    Candidates point to the points farthest from the axis. The images of the outermost points in the best mirror are
-    nearest to vertices. Of equal candidates, it has most vertices on the mirror or on the plane across it.
+    Each candidate points to one of the points farthest from the axis. The best mirror maps the outermost points most
+    closely onto vertices. Of equal mirrors, it has most vertices on itself or on the plane across it.
     samples : minimum number of outermost points."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))

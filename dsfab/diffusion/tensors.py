@@ -138,7 +138,7 @@ def _is_isotropic(stress: Floats, labelling: Labelling, tolerance: float, refere
 
 
 def diffusion_operator(surface: Surface, D: Floats) -> csr_array:
-    """Return the weak form of -div(D grad), paper eq. 5, on linear hats with a tensor per face [Andreux et al. 2014].
+    """Return the weak form of -div(D grad), paper eq. 5, for linear hat functions; D per face [Andreux et al. 2014].
     D : (m, 3, 3) symmetric, positive on each face's plane, dimensionless. D acts on gradients.
     Returns L : (n, n) symmetric positive semidefinite, with zero row sums. L is the cotangent Laplacian for D = I."""
     g, A = hat_gradients(surface), surface.areas  # (m, 3 corners, 3 xyz) per metre; (m,) square metres

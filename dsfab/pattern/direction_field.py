@@ -16,7 +16,7 @@ from dsfab.surface import link_components
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
-"""Largest cosine between the gradient of stripes and a boundary that these stripes follow (17 degrees)."""
+"""Largest cosine between a boundary and the gradient of stripes that follow it: they deviate by 17 degrees."""
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
@@ -40,7 +40,7 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
-    """Return a mask (n,) of vertices where `along` (n, 3), a unit tangent up to sign, belongs to the other family.
+    """Return a mask (n,) of vertices at which the tangents `along` (n, 3), up to sign, belong to the other family.
     In a region, the direction rotates by less than 45 degrees from vertex to vertex. The families keep their names in
     the largest region, and exchange them at each border between regions."""
     surface, (i, j) = frames.surface, frames.ends.T
@@ -54,12 +54,12 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
     is_border = region_i != region_j
     border = coo_array((metres[is_border], (region_i[is_border], region_j[is_border])), shape=(count, count)).tocsr()
     border = csr_array(border + border.T)
-    border.data = -border.data  # the tree prefers long borders
+    border.data = -border.data  # so that the tree takes long borders first
     tree = minimum_spanning_tree(border)
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     while unvisited.any():
-        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # equal areas stay equal
+        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # rounded: equal areas stay equal
         order, predecessor = breadth_first_order(tree, root, directed=False)
         unvisited[order] = False
         for child in order[1:].tolist():
@@ -68,7 +68,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
 
 
 def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
-    """Return signs (n,) for tangents along (n, 3), so that few neighbours point in opposite directions."""
+    """Return signs (n,) for the tangents `along` (n, 3), so that few neighbours point in opposite directions."""
     surface, (i, j) = frames.surface, frames.ends.T
     against = frames.sides(along, i, j) < 0
     singular = np.logical_xor.reduce(against[surface.edges.of], axis=1)
@@ -107,7 +107,7 @@ def _cut_edges(surface: Surface, singular: Bools) -> Bools:
 
 
 def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools) -> list[int]:
-    """Return the edges that a path crosses to a face; the path begins at a singular face or at the boundary."""
+    """Return the edges that a path crosses on its way to a face; it begins at a singular face or at the boundary."""
     edges, path_edges = surface.edges, []
     while predecessor[face] >= 0:
         path_edges.append(int(np.intersect1d(edges.of[face], edges.of[predecessor[face]])[0]))
@@ -205,7 +205,7 @@ def family_roles(surface: Surface, directions: StressDirections) -> tuple[Family
     size = surface.areas[:, None] * np.abs(directions.stress)
     total = size.sum(axis=0)
     pulled = np.divide((size * (directions.stress > 0)).sum(axis=0), total, out=np.full(2, np.nan), where=total > 0)
-    level = np.cross([0.0, 0.0, 1.0], surface.normals)  # of length sin(slope)
+    level = np.cross([0.0, 0.0, 1.0], surface.normals)  # level directions, of length sin(slope)
     weight = surface.areas * (level**2).sum(axis=1)
     shapes = ["", ""]
     if RISE[0] * surface.area < weight.sum() < RISE[1] * surface.area:
@@ -239,7 +239,7 @@ def cross_field(
     for guide in guidance:
         right += surface.vertex_areas * guide.square
         weight += surface.vertex_areas * guide.weight
-    weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
+    weight[weight == 0] = FLOOR * surface.mean_edge**2  # for vertices without a face
     x = frames.twisted_factors.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
     size = np.abs(x)
     # smaller numbers are rounding errors; there the direction of an edge replaces the field

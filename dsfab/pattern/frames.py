@@ -135,7 +135,7 @@ class Frames:
 
     @cached_property
     def turning(self) -> Floats:
-        """(e,) angle r: a direction at angle a in the frame of an edge's second end is at angle a + r at the first."""
+        """(e,) angle r: a direction with angle a in the frame at an edge's second end has angle a + r at its first."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]
@@ -144,8 +144,8 @@ class Frames:
         return np.arctan2(dots(y, self.t2[i]), dots(y, self.t1[i]))
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
-        """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point to the same side, -1 if to opposite sides.
-        The orientation of the surface decides if the tangents are perpendicular."""
+        """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) make an angle under 90 degrees, -1 if over 90.
+        At exactly 90 degrees, the orientation of the surface decides."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 

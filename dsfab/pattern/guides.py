@@ -102,7 +102,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
         square = np.where(inside, _tangent(frames, unit_vectors(np.array(guide.direction))) ** 2, 0.0)
     else:
         square = _curve_squares(frames, number, guide, guide.reach or spacing)
-    if np.abs(square).max() < 0.1**2:  # under 6 degrees from the normal
+    if np.abs(square).max() < 0.1**2:  # the direction is under 6 degrees from the normal
         subject = "the direction is" if guide.at is not None else "the curve is"
         raise PatternError(
             f"pattern.guide.{number}: {subject} perpendicular to the surface, so stripes cannot follow the guide; "
@@ -113,7 +113,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
     """Return squares (n,) of the direction of the curve's nearest piece, complex; their size falls to 0 at the reach.
-    Pieces that are farther away by less than a tenth of the reach count, too, with less weight."""
+    Other pieces count less, and only if they are farther by less than a tenth of the reach."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)

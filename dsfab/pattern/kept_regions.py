@@ -35,7 +35,7 @@ def curve_fields(
     """Return the field (n,) of each region: minus the distance along the surface from its origins, metres.
 
     A region's field is minus its reach on its outline. Faces at the outline are divided if the distance is not linear.
-    All fields share the divided surface. The division ends after `rounds` rounds or over `most_parts` new faces. Far
+    All fields share the divided surface. The division ends after `rounds` rounds or `most_parts` new faces. Far
     outside a region, distances are only lower bounds."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
@@ -99,7 +99,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return a region's field (n,) on undivided faces; it uses straight distances if these make no difference."""
+    """Return a region's field (n,) on undivided faces, from straight distances if those are nearly the same."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -117,7 +117,7 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return a mask (e,) of edges at a region's outline on which the distance is not linear, or grows too fast."""
+    """Return a mask (e,) of edges at an outline where distances are not linear, or snaps move the outline too far."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
@@ -212,7 +212,7 @@ def region_sides(surface: Surface, faces: Bools) -> Floats:
 
 
 def outline_edges(surface: Surface, faces: Bools) -> Bools:
-    """Return a mask (e,) of the edges between marked faces (m,) and other faces."""
+    """Return a mask (e,) of the edges between marked faces (m,) and faces that are not marked."""
     marked = np.bincount(surface.edges.of[faces].ravel(), minlength=len(surface.edges.ends))
     return np.asarray((marked > 0) & (marked < surface.edges.count))
 
@@ -232,7 +232,7 @@ def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.in
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
     """Return a mask (n,) of marked vertices in patches, which have marked faces. Other vertices form points and curves.
-    A face with three boundary vertices is not marked, nor is an inner edge with two. Both depend on the mesh."""
+    Faces with three boundary vertices, and inner edges with two, do not count as marked: they depend on the mesh."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))

@@ -120,9 +120,8 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the common factor on graded widths at which families keep the mean duty of their thresholds.
-    Duty is the fraction of material. Bounds in metres apply afterwards. Raises PatternError if too little of the
-    surface is stressed."""
+    """Return the common factor on graded widths that keeps the mean fraction of material of the thresholds.
+    Bounds in metres apply afterwards. Raises PatternError if too little of the surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
     def duty(factor: float) -> float:
@@ -259,7 +258,7 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # by points: only the cut knows openings
+            if layer.closed is not None:  # estimate: only the cut knows the openings
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -286,7 +285,7 @@ def _is_drawn(field: CornerField) -> Bools:
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
     """Return a function that estimates the fraction of the surface that layers cover, from sample points.
-    Its layers must begin with `kept_layers`, which are counted once. The error is about 0.003."""
+    The layers that it takes must begin with `kept_layers`, which it counts only once. The error is about 0.003."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 

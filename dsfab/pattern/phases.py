@@ -16,7 +16,7 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration, times the squared spacing. It makes the matrix definite, with equal eigenvectors."""
+"""Shift of the inverse iteration, times the squared spacing. It makes the matrix definite; the eigenvectors stay."""
 FLOW = 0.25  # Inverse duration of a step of diffusion, divided by (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
 """A locked phase this near to its target, in periods, becomes the target, so that edges get straight members."""
@@ -25,7 +25,7 @@ LOCK = 3.0  # Weight of a locked phase, divided by (2 pi / spacing)^2.
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """The gradient that a family's phase shall have.
+    """Wanted gradient of a family's phase.
     g : (n, 3) unit direction of the gradient at the vertices, up to sign. density : (n,) periods per metre."""
 
     frames: Frames
@@ -63,11 +63,9 @@ class Flow:
         """Return phases (n,) at the vertices, in periods, -1/2 to 1/2. The sign of a phase is that of g at its vertex.
 
         The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
-        edges of weight w. If g is reversed along an edge, psi_i is conjugated. First the numbers psi have a common
-        norm. Then
-        steps of diffusion and normalisation give each number the size 1 [Merriman, Bence, Osher 1992; for phases
-        Viertel,
-        Osting 2019].
+        edges of weight w. If g is reversed along an edge, psi_i is conjugated. At first, only the norm of all numbers
+        psi together is fixed. Then steps of diffusion and normalisation give each number the size 1 [Merriman, Bence,
+        Osher 1992; for phases Viertel, Osting 2019].
 
         start : (n,) start of the iteration. Without locked vertices, a line passes through its peak.
         lock  : (n,) vertices on the centre line of a stripe.
@@ -98,7 +96,7 @@ class Flow:
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
-    """Return the result (n,) of 20 inverse iterations with B from start (n,). 12 solves give it with an error of 1e-5.
+    """Return the result (n,) of 20 inverse iterations with B from start (n,), by 12 solves, with an error of 1e-5.
     B conjugates some numbers, so it is linear only for their real and imaginary parts."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
@@ -147,7 +145,7 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
     """Return phases (n,), in periods, shifted by half a period if more weight (n,) then lies on centre lines.
-    `Flow.solve` finds both phases equally good. Phases stay if the weighted mean of their cosine is above -0.02."""
+    Shifted phases are as good for `Flow.solve`. Phases stay if the weighted mean of their cosine is above -0.02."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -212,7 +210,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     miss = sign * phase[j] - phase[i] - flow.turn
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
-    forward = i[edge] == F  # half-edges with their edge's direction
+    forward = i[edge] == F  # half-edges that run in their edge's direction
     growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # with the sign of g at the start
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
@@ -229,13 +227,13 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with equal signs and periods in adjacent faces. A search carries both from face to face.
-    In adjacent faces f and g, z_f = s z_g + q holds at the corner where their half-edge h0 starts."""
+    """Return the phase with equal signs and periods in adjacent faces, by a search from face to face.
+    In adjacent faces f, g, sign s and shift q satisfy z_f = s z_g + q at the start of their half-edge h0."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
     starts_at_h0 = surface.F.ravel()[h0] != surface.F.ravel()[h1]
-    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # where h0 starts, in g
+    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # corner of g at the start of h0
     s = sign[h0] * sign[corner_g]  # z_f = s z_g + q
     q = shift[h0] - s * shift[corner_g]
     is_regular = ~(phase.singular[f] | phase.singular[g])

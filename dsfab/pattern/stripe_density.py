@@ -69,12 +69,12 @@ class Halving(NamedTuple):
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     """Return the halvings that make the spacing of stripes most even; u : (n,) logarithm of their density.
-    The function tries smallest densities after halving, from the median to a quarter of it. The best density has the
-    smallest ratio of the P95 to the P5 of the spacing. Each halving must reduce this ratio by 5 %, because halvings end
-    members. The densest 2 % of the area do not count."""
+    The function tries lower limits of the density after halving, from the median to a quarter of it. The best limit
+    gives the smallest ratio of the percentiles P95 and P5 of the spacing. Each halving must reduce this ratio by 5 %,
+    because halvings end members. The densest 2 % of the area do not count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
-    ascending = np.argsort(u, kind="stable")  # makes the quantiles fast
+    ascending = np.argsort(u, kind="stable")  # sorted once, for fast quantiles
     sorted_u, sorted_mass = u[ascending], mass[ascending]
 
     def ratio(limit: float) -> float:

@@ -49,7 +49,7 @@ class Stripes:
 
     def with_width_factor(self, factor: float) -> "Stripes":
         """Return stripes whose half width is `factor` times as large, up to 0.5."""
-        if factor == 1:  # avoids rounding errors
+        if factor == 1:  # no rounding errors for an unchanged width
             return self
         return replace(self, threshold=1 - 4 * min(factor * self.half_width, 0.5))
 
@@ -78,7 +78,7 @@ class Stripes:
         d = self.half_width
         if d == 0:
             return np.empty(0)
-        if d >= 0.5:  # all material: above a single level
+        if d >= 0.5:  # a single level below all values: all is material
             return np.array([x.min() - 1.0 / self.frequency])
         k = self.middles(x)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency

@@ -105,7 +105,7 @@ def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
 
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
-    """Return means (n, ...) of values x (m, ...) of faces in about a disc of `radius` (m) around each vertex.
+    """Return means (n, ...) of values x (m, ...) of the faces within about `radius` metres of each vertex.
     Each mean includes at least two rings of faces, and never faces across a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
@@ -160,7 +160,7 @@ def solved_factor(
         evaluate, target, tolerance
     )
     best_end, kept_side = min(low, high, key=_miss), 0
-    for _ in range(30):  # without jumps, far fewer suffice
+    for _ in range(30):  # shares without jumps need far fewer steps
         if _miss(best_end) <= tolerance:
             return best_end[0]
         if high[0] - low[0] < tolerance / steepest * high[0]:
@@ -183,7 +183,7 @@ def solved_factor(
 def _secant_interval(
     evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
 ) -> tuple[_End, _End] | None:
-    """Search with secants from 1. Return an interval around the solution, the solution as both its ends, or None."""
+    """Search with secants from 1. Return an interval around the solution, or (solution, solution), or None."""
     end = evaluate(1.0)
     for _ in range(5 if near_one else 1):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
@@ -196,7 +196,7 @@ def _secant_interval(
 
 
 def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
-    """Return an interval around the solution, or the solution as both its ends. The factors are 0, 1, 4, 16 ..."""
+    """Return an interval around the solution, or (solution, solution). The factors are 0, 1, 4, 16 ..."""
     start = evaluate(1.0)
     if _miss(start) <= tolerance:
         return start, start

@@ -202,7 +202,7 @@ class Fronts:
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # neighbouring unknowns of a child are fast to add
+        # order along a curve, because neighbouring unknowns of a child are fast to add
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)

@@ -171,10 +171,10 @@ class Pardiso:
         from pypardiso.pardiso_wrapper import PyPardisoError
 
         self._solver.set_phase(phase)
-        # a two-level factor needs the same number of threads as its factorisation
+        # solves with a two-level factor need the number of threads that the factorisation had
         before = self._solver.libmkl.MKL_Set_Num_Threads_Local(self._threads)
         try:
-            x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` is slower: it hashes the matrix
+            x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` is slow: it hashes the matrix
         except PyPardisoError as error:
             if error.value in OUT_OF_MEMORY:
                 raise FactorMemoryError.from_bytes(None) from error
@@ -190,7 +190,7 @@ def _set_mkl_path() -> None:
     try:
         files = importlib.metadata.files("mkl") or []
     except importlib.metadata.PackageNotFoundError:
-        return  # not from pip, so pypardiso must search
+        return  # MKL is not from pip, so pypardiso must search for it
     paths = sorted((str(file.locate()) for file in files if "mkl_rt" in file.name), key=len)
     if paths and os.path.exists(paths[0]):
         os.environ["PYPARDISO_MKL_RT"] = paths[0]
@@ -237,7 +237,7 @@ class Multigrid:
         self._K = K
         self._place, size = _positions_in_blocks(self._node)
         full = K.tocoo()
-        spare = np.setdiff1d(np.arange(size), self._place)  # missing unknowns of blocks get diagonal 1
+        spare = np.setdiff1d(np.arange(size), self._place)  # blocks get a diagonal 1 for missing unknowns
         blocks = coo_array(
             (
                 np.concatenate([full.data, np.ones(len(spare))]),

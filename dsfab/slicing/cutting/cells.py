@@ -26,7 +26,7 @@ class Cells:
     sides_on: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
-        if len(self.sides_on) != len(self.corner):  # no lines: all sides get 0
+        if len(self.sides_on) != len(self.corner):  # without `sides_on`, no side has a line
             object.__setattr__(self, "sides_on", np.zeros(len(self.corner), dtype=np.int64))
 
     @classmethod
@@ -87,7 +87,7 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Give each side on level l of a split the line lines[l, polygon]; lines : (levels or 1, c or 1)."""
+        """Give each new side on level l its line, lines[l, polygon]; lines : (levels or 1, c or 1)."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -210,13 +210,13 @@ def _chosen_triangles(polygons: Ints, apex: Ints) -> tuple[Ints, Ints]:
 
 
 def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
-    """Divide each polygon (g, size) by the chord with the most equal halves; return the parts, grouped by size."""
+    """Divide each polygon (g, size) by the chord with the most equal areas; return groups of parts of equal size."""
     size = polygons.shape[1]
     spoke = X[polygons] - X[polygons[:, :1]]
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
     upto = np.concatenate([np.zeros((len(fan), 1)), np.cumsum(fan, axis=1)], axis=1)
     i, j = np.triu_indices(size, 2)
-    i, j = i[j - i < size - 1], j[j - i < size - 1]  # neighbours have no chord
+    i, j = i[j - i < size - 1], j[j - i < size - 1]  # a chord cannot join neighbouring corners
     corner = np.linalg.norm(np.cross(spoke[:, i], spoke[:, j]), axis=2)
     ear = upto[:, j] - upto[:, i] - corner  # twice the area between corners i, i + 1, ..., j
     choice = np.minimum(ear, upto[:, -1:] - ear).argmax(axis=1)
@@ -263,7 +263,7 @@ def snap_values(
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
     """Move pairs of values x (n, 2) so that the value nearer to a level (k,) lies on this level; return all pairs.
 
-    Both values of a pair move by the same step, but not across a level.
+    Both values of a pair move by the same step, but no value crosses a level.
     reach : (n, 2) largest change of each value on the edges at a vertex. A pair moves by at most `fraction` of it."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
@@ -294,7 +294,7 @@ def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools,
 
 
 def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
-    """Return for each of n vertices the largest `difference` of the sides that end there; 0 without sides."""
+    """Return for each of n vertices the largest `difference` of its sides; 0 for a vertex without sides."""
     reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)

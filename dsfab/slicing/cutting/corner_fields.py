@@ -26,7 +26,7 @@ class PolygonField:
     """A corner field on the vertices of a mesh of polygons.
 
     lead   : (n',) one face at each vertex.    values : (n', 1 or 2) of the field at the vertices, in these faces.
-    sign, shift : (h,) the face of a slot sees sign * value + shift.
+    sign, shift : (h,) in the face of a slot, its vertex has the field value sign * value + shift.
     blank  : (h,) True for slots without a value."""
 
     mesh: PolygonMesh
@@ -100,7 +100,7 @@ class PolygonField:
         return np.asarray(y)
 
     def with_values(self, values: Floats) -> "PolygonField":
-        """Return the field with `values` (n', 1 or 2) replaced."""
+        """Return the same field with other `values` (n', 1 or 2)."""
         if values is self.values:
             return self
         changed = replace(self, values=values)
@@ -130,7 +130,7 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """Return masks (h,) of the first and second side of edges across which the field changes its sign."""
+        """Find edges across which the field changes its sign; return masks (h,) of their first and second sides."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -179,14 +179,14 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """Return a mask (c,) of void polygons in blank faces that touch stripes along more than half of their outline."""
+    """Return a mask (c,) of void polygons in blank faces; more than half of each polygon's outline touches stripes."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
     owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner)
     touched = np.zeros(len(mesh.X), dtype=bool)
     touched[corner[inner[owner]]] = True
-    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # all sides of `inner`, and a few more
+    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # the sides of `inner`, and a few others
     p, q, polygon = corner[candidates], ahead[candidates], owner[candidates]
     length = np.linalg.norm(mesh.X[p] - mesh.X[q], axis=1)
     order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
@@ -197,7 +197,7 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
     """Return a mask (c,) of polygons to cut: openings where the field applies, and material that may be cut again."""
-    least = 0.5  # the field must apply on a larger fraction of the area
+    least = 0.5  # the field must apply on more than this fraction of an opening's area
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
         return crossed
@@ -238,7 +238,7 @@ class StripeCut:
         return slots, cells.following[slots]
 
     def with_snapped_stripes(self, fraction: float) -> "StripeCut":
-        """Move stripes onto vertices near their edges; their widths do not change."""
+        """Move whole stripes so that their edges meet nearby vertices; the widths of stripes do not change."""
         values = self.seen.values
         reach = np.zeros(values.size)
         for side in (0, 1):
@@ -256,7 +256,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices at levels to edges across which the field changes its sign; the first polygon decides where."""
+        """Add vertices at levels to edges across which the field changes its sign, from the first polygon's values."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():

@@ -30,7 +30,7 @@ LEVEL_GAP = 1e-6  # Levels nearer than this fraction of the field's range are eq
 
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""Function that returns a mask (c,) of the material that later fields divide, too.
+"""Function that returns a mask (c,) of material that later fields divide again.
 Arguments: the polygons; the number of the last field; a mask (m,) of its blank faces and of the faces beside them."""
 
 

@@ -15,8 +15,8 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import link_components
 
 GAIN = 0.45
-"""Minimum fall of log2(P95 / P5) of the spacings that justifies a halving beyond the limits.
-Structures without these lines are up to a tenth softer."""
+"""Halving goes beyond its limits if log2(P95 / P5) of the spacings falls by more than this (P: percentiles).
+Structures without the lines that are removed then are up to a tenth softer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +113,8 @@ def _with_lines(
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
     """Return a mask (p,) of the inner edges that lie on remaining lines or beside blank faces.
 
-    period : (c,) remaining lines have multiples of this number. The smaller period of both polygons counts.
-    Strips are compared by their middles, because the middles have no rounding errors."""
+    period : (c,) in a polygon, every period-th line remains. Between two polygons, the smaller period counts.
+    The function compares the middles of strips, because rounding errors do not change them."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
     y = seen.slot_values(0)

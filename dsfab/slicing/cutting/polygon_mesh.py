@@ -24,7 +24,7 @@ class PolygonMesh:
     F       : (m, 3) faces of the uncut surface.
     weights : (n', n) barycentric weights of the vertices on the uncut vertices.
     parent  : (c,) uncut face of each polygon.    family : (c,) field that made a polygon material, or `VOID`.
-    again   : (c,) mask of material that later fields divide, too.
+    again   : (c,) mask of material that later fields divide again.
     also    : (c,) at a crossing, the second family that makes a polygon material; else `VOID`.
     stubs   : number of removed and straightened stripes.
     lines   : lines of the polygons' sides, see `Cells.sides_on`."""
@@ -106,8 +106,8 @@ class PolygonMesh:
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
         """Slots (p,), (p,), (p,) of the inner edges.
 
-        The first two arrays are the slots of the edge in its first and in its second polygon. The first slot's side
-        begins at a vertex. The third array is the second polygon's slot at this vertex."""
+        The first two arrays: the slot of the edge in its first, and in its second polygon. The third array: the second
+        polygon's slot at the vertex where the side of the first slot begins."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -136,7 +136,7 @@ class PolygonMesh:
         return np.ascontiguousarray(self.F.T)
 
     def corner(self, face: Ints, vertex: Ints) -> Ints:
-        """Return which corner, 0 to 2, of the uncut faces (k,) the uncut vertices (k,) are."""
+        """Return the number (k,), 0 to 2, of the uncut vertices (k,) among the corners of the uncut faces (k,)."""
         _, second, third = self._corners
         return np.asarray((second[face] == vertex) + 2 * (third[face] == vertex))
 
@@ -149,7 +149,7 @@ def _rim(surface: Surface) -> Ints:
 
 
 def corner_places(F: Ints, vertex: Ints) -> Ints:
-    """Return which corner, 0 to 2, of the faces (k, 3) the vertices (k,) are."""
+    """Return the number (k,), 0 to 2, of the vertices (k,) among the corners of the faces (k, 3)."""
     _, second, third = F.T
     return np.asarray((second == vertex) + 2 * (third == vertex))
 
@@ -169,7 +169,7 @@ class Contacts:
     """Stretches (k,) of outline along which two parts (p,) touch.
 
     parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
-    links  : (l, 2) consecutive stretches around a part. Stretch i is i on its first part, and i + k on its second.
+    links  : (l, 2) consecutive stretches around a part. Stretch i has the number i + k on its second part.
     around : (p,) length of each part's outline, metres."""
 
     parts: Ints
@@ -239,9 +239,9 @@ class Contacts:
         return part[is_single], neighbour[is_single]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
-        """Return a mask (p,) of the parts that lose all connections when more parts are removed.
+        """Return a mask (p,) of the remaining parts that lose their last connection by a removal of parts.
 
-        Connections lead to an edge of the surface, to an anchor, or to a part in `stays` (p,).
+        A connection leads to an edge of the surface, to an anchor, or to a part in `stays` (p,).
         before, gone : (p,) masks of the removed parts, before and after the removal."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
@@ -264,7 +264,7 @@ class Contacts:
 
 
 def adjacent_sides(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
-    """Return pairs (l,), (l,) of sides (k,) of the same group with a common vertex; ends : (k, 2) vertices < count."""
+    """Return pairs (l,), (l,) of sides (k,) with the same group and a common vertex; ends : (k, 2) vertices < count."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)

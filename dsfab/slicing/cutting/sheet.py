@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 VOID = -1  # The family of a void cell.
 
 ON_SIMPLEX = 1 - 1e-9
-"""Between marked vertices, an interpolated mask has at least this value: 1, up to rounding errors."""
+"""Smallest value of an interpolated mask at a vertex between marked vertices: 1, except for rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class LineKind(IntEnum):
 
     NONE = 0  # no line: the side lies inside the material or inside the void
     RIM = 1  # the boundary of the uncut surface
-    END = 2  # edges of the uncut mesh where stripes end beside a face without a phase
+    END = 2  # edges of the uncut mesh at which stripes end, because the next face has no phase
     LEVEL = 3  # an edge of a stripe, or the outline of a kept region
     FILLET = 4  # the chords of a round corner
     STRIP = 5  # the outline of a bridge, a straightened bar or a widening strip
@@ -135,7 +135,7 @@ class Sheet:
     def __post_init__(self) -> None:
         lock(self, "parent", np.int64, (None,))
         lock(self, "family", np.int64, (None,))
-        if len(self.sides_on) != self.surface.m:  # no lines: all sides get 0
+        if len(self.sides_on) != self.surface.m:  # without `sides_on`, no side has a line
             object.__setattr__(self, "sides_on", np.zeros((self.surface.m, 3), dtype=np.int64))
         lock(self, "sides_on", np.int64, (self.surface.m, 3))
         weights = csr_array(self.weights, copy=True)
@@ -193,7 +193,7 @@ class Sheet:
         return Walls.from_cells(self.surface, ~self.material)
 
     def carry(self, x: Floats) -> Floats:
-        """Interpolate values x (n, ...) at the uncut surface's vertices; return values (n', ...) at this sheet's."""
+        """Interpolate values x (n, ...) from the uncut surface's vertices to this sheet's; return (n', ...)."""
         return np.asarray(self.weights @ x)
 
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
@@ -261,7 +261,7 @@ class Sheet:
 
     @cached_property
     def lines_of_edges(self) -> Ints:
-        """(m', 3) the line of each half-edge; if it has none, the line of the opposite half-edge."""
+        """(m', 3) the line of each half-edge. A half-edge without a line gets the line of its opposite half-edge."""
         line, twin = self.sides_on.ravel(), self.surface.edges.twins
         return np.where((line == 0) & (twin >= 0), line[twin], line).reshape(-1, 3)
 
@@ -274,7 +274,7 @@ class Sheet:
 
 
 def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
-    """Return columns and values (k, 3) of the nonzero barycentric weights (k, n); missing entries are 0."""
+    """Return columns and values (k, 3) of the nonzero weights in each row of (k, n); rows with fewer end with 0."""
     count = np.diff(weights.indptr)
     place = np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], count)
     row = np.repeat(np.arange(len(count)), count)
@@ -286,8 +286,8 @@ def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
     """Return the hydraulic diameter (count,) of each piece of a part: 4 area / perimeter, metres.
 
-    It is infinite for a piece that walls do not enclose.    walls : (e,) mask of edges.    label : (f,) piece of each
-    face."""
+    It is infinite for a piece if not all of its boundary edges are walls.
+    walls : (e,) mask of edges.    label : (f,) piece of each face."""
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
     piece = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
@@ -299,7 +299,7 @@ def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) ->
 
 
 def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) -> Floats:
-    """Return the weighted median (count,) of the values (k,) with each label (k,), without NaN; else infinity."""
+    """Return for each label the weighted median (count,) of its values (k,) that are not NaN; inf if there are none."""
     valid = np.flatnonzero((weight > 0) & ~np.isnan(values))
     order = valid[np.lexsort((values[valid], label[valid]))]
     x, group = values[order], label[order]
@@ -361,12 +361,12 @@ def _normal_component(chord: Floats, normal: Floats) -> Floats:
 
 
 def _corner_normals(surface: Surface) -> Floats:
-    """Return unit normals (m, 3, 3) at the corners of faces: the vertex's mean normal, or the face's at a crease."""
+    """Return unit normals (m, 3, 3) at the corners of faces: the vertex's mean normal; at a crease the face's own."""
     corner, face = surface.F.ravel(), np.repeat(np.arange(surface.m), 3)
     first_face = np.zeros(surface.n, dtype=np.int64)
     first_face[corner[::-1]] = face[::-1]
     face_normals = surface.normals[face]
-    # turn normals to the side of the vertex's first face: a sheet may be one-sided
+    # turn normals to the side of the vertex's first face, because a surface may be one-sided (Moebius strip)
     side = np.where((face_normals * surface.normals[first_face[corner]]).sum(axis=1) < 0, -1.0, 1.0)
     weighted = face_normals * (side * surface.areas[face])[:, None]
     mean = np.stack([np.bincount(corner, weighted[:, k], surface.n) for k in range(3)], axis=1)

@@ -78,7 +78,7 @@ class SideValues:
         which = np.flatnonzero(foreign)
         touched = np.zeros(int(a.max()) + 1, dtype=bool)
         touched[a[which]] = touched[b[which]] = True
-        candidates = np.flatnonzero(touched[a] & touched[b])  # other sides share no edge with `which`
+        candidates = np.flatnonzero(touched[a] & touched[b])  # no other side can share an edge with the sides `which`
         p, q = a[candidates], b[candidates]
         order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
         first_slot = np.minimum.reduceat(np.where(foreign[candidates], len(a), candidates)[order], begins)[edge]
@@ -92,7 +92,7 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """Return places (h,) of the starts and ends of sides: 2 k with k levels below, 2 k + 1 if on the next level.
+        """Return places (h,) of the starts and ends of sides: 2 k + 1 on a level, else 2 k, if k levels are below.
 
         only : slots (k,) to evaluate; other slots get 0."""
         if only is not None:
@@ -167,7 +167,7 @@ def split_cells(
     if len(x.foreign):
         lowest = np.minimum(lowest, (cells.per_polygon(np.minimum, ends[1]) + 1) // 2)
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
-    # the strip of each polygon that no level cuts
+    # the strip of each polygon; final if no level cuts the polygon
     strip = np.where(highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest)
     strip[~active] = -1
     sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
@@ -262,7 +262,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # flat first sides take the last strip
+    before = source < cells.start[:-1][cells.owner]  # no earlier side: take the last side's strip
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 

@@ -104,9 +104,9 @@ class Walls:
 
     @cached_property
     def turns(self) -> Floats:
-        """(w,) change of direction to the left at the start of each wall, radians: pi minus the angle of the void.
+        """(w,) turn to the left at the start of each wall, radians: pi minus the angle of the void.
 
-        It is -inf at the start of an open chain. Angles are measured in the surface; a crease is no corner."""
+        It is -inf at the start of an open chain. Angles are measured in the surface, so a crease causes no turn."""
         F, angle = self.surface.F[self.void], np.zeros(self.surface.n)
         for corner, angles in zip(F.T, face_angles(self.surface.V, F).T, strict=True):
             angle += np.bincount(corner, angles, self.surface.n)
@@ -123,7 +123,7 @@ class Walls:
 
 
 def next_in_chains(chain: Ints) -> Ints:
-    """Return for each position (k,) the next position in its chain. The first position follows the last.
+    """Return the number (k,) of the next position in the same chain. After the last position comes the first.
 
     chain : (k,) the chain of each position. The positions of a chain are adjacent."""
     after = np.arange(1, len(chain) + 1)
@@ -184,11 +184,11 @@ class Stretches:
         return cls(low, high, np.append(np.arange(len(chain)), over), before)
 
     def covers(self, chain: Ints, place: Floats) -> Bools:
-        """Return a mask (k,) of the places, in metres along chains (k,), that lie in parts; parts must be disjoint."""
+        """Return a mask (k,) of places, in metres along chains (k,), that lie in a part; parts must be disjoint."""
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)
-        x = self.before[chain] + np.maximum(place, 0.0)  # rounding errors may be negative
+        x = self.before[chain] + np.maximum(place, 0.0)  # a place may be slightly negative by a rounding error
         index = np.searchsorted(self.low[order], x, side="right") - 1
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
@@ -202,7 +202,7 @@ class Stretches:
         return np.asarray(np.bincount(self.part, into, count) > 0)
 
     def disjoint(self, count: int) -> Bools:
-        """Return a mask (count,) of parts to keep so that none overlap; longer parts have priority."""
+        """Return a mask (count,) of parts that do not overlap; longer parts are chosen first."""
         length = np.bincount(self.part, self.high - self.low, count)
         stay, taken = np.ones(count, dtype=bool), list[tuple[float, float]]()
         for k in np.argsort(-length[self.part], kind="stable").tolist():

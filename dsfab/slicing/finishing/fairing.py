@@ -16,8 +16,8 @@ from dsfab.surface import Surface
 from dsfab.surface.topology import next_half_edge
 
 CORNER = float(np.radians(25))  # Smallest turn of a wall at a corner, radians.
-REACH = 2.0  # Waves of a wall under 2 pi REACH segments disappear.
-BEND = 0.4  # Bends of a wall under BEND segments become smaller.
+REACH = 2.0  # Waves of a wall that are shorter than 2 pi REACH segments disappear.
+BEND = 0.4  # Length b in `faired_walls`, in segments: sharp bends become weaker.
 
 
 class Freedom(NamedTuple):
@@ -98,7 +98,7 @@ def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
         (changes, wall_vertices, 3, REACH * segment),
         (bends, wall_vertices[:, :3], 2, BEND * segment),
     ):
-        q, least = points[used], 0.02 * segment[used]  # replaces smaller distances
+        q, least = points[used], 0.02 * segment[used]  # `least` replaces smaller distances
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
@@ -109,7 +109,7 @@ def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
         rows.append(row)
         right_side.append(np.zeros(len(end)))
     A = csr_array(vstack(rows, format="csr"))
-    hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # a spring against moves along a wall
+    hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # stiffness against moves along a wall
     x = spsolve((A.T @ A + diags_array(hold)).tocsc(), A.T @ np.concatenate(right_side))
     return np.asarray(x.reshape(-1, 2) * free.along.any(axis=2))
 
@@ -124,7 +124,7 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return weights of points P (k, order + 1, 3) in a derivative along their line, and lengths (k,) to integrate."""
+    """Return weights of points P (k, order + 1, 3) for a derivative along their line, and lengths for its integral."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -133,7 +133,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Return a matrix for unknown steps: its row k is the sum over j of value[k, j] . step of vertex q[k, j]."""
+    """Return a matrix whose product with the steps is, in row k, the sum over j of value[k, j] . step of q[k, j]."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
@@ -151,7 +151,7 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
     slimmest, halvings = 0.5, 7  # smallest angle, degrees; maximum halvings of a step
-    for attempt in itertools.count():  # a shorter step may make the next cell slim
+    for attempt in itertools.count():  # repeat, because a shortened step may make the next cell slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
         if not bad.any():
@@ -172,7 +172,7 @@ class Division:
     weights: csr_array
 
     def subset(self, chosen: Bools) -> "Division":
-        """Return the chosen (k,) vertices."""
+        """Return the chosen (k,) walls, with their new vertices."""
         rows = np.flatnonzero(chosen)
         return Division(self.wall[rows], self.V[rows], self.weights[rows])
 
@@ -190,7 +190,7 @@ def divided_walls(sheet: Sheet) -> Sheet:
 
 
 def _bows(walls: Walls) -> Floats:
-    """Return metres (w,) from each wall's middle to its curve, positive to the right; 0 under 3 degrees of bend."""
+    """Return metres (w,) from each wall's middle to its curve, positive to the right; 0 for bends under 3 degrees."""
     if not len(walls.start):
         return np.empty(0)
     turn, all_walls = walls.turns, np.arange(len(walls.start))
@@ -205,7 +205,7 @@ def _bows(walls: Walls) -> Floats:
 
 
 def _division(sheet: Sheet) -> Division:
-    """Return the walls to divide next; if two walls of a cell are bent, only the more bent one."""
+    """Return the walls to divide next. A cell has at most one of them: the most bent of its walls."""
     walls = sheet.walls
     bow = _bows(walls)
     wall = np.flatnonzero((bow != 0) & (sheet.parent[walls.void_cells] == sheet.parent[walls.material_cells]))

@@ -73,7 +73,7 @@ def _arcs_in_planes(
 
     line_a, line_b = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     centre, exists = circle_centres(*line_a, *line_b, size)
-    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # length of wall beyond an arc's ends
+    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # margin: metres of wall beyond the ends of an arc
     lines = tips.wall_line(all_tips, way_a + margin, back=True), tips.wall_line(all_tips, way_b + margin, back=False)
     arcs = tangent_arcs(*lines, size, centre)
     valid = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
@@ -89,7 +89,7 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Return points (p, 2) where loops turn left by over `SHARPEST`; unit normals to the right, before and after."""
+    """Return points (p, 2) where loops turn left by over `SHARPEST`, and right-hand unit normals before and after."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -104,7 +104,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return the stops beyond which an opening stays narrow, and the nearest and the farthest wall (p,) beyond each."""
+    """Return stops beyond which the opening stays narrow, and the nearest and farthest wall (p,) beyond each stop."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -116,7 +116,7 @@ def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: floa
     touched = _distance(flat.start, loops)[wall] < (1 + 3e-3) * radius
     for to_wall in (stop.before, stop.behind):
         foot = (stop.middle + radius * to_wall)[row]
-        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # not near the arc's ends
+        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # not near the points of contact
     free = np.bincount(row, touched, len(count)) == 0
     distance = np.linalg.norm(start - stop.middle[row], axis=1)
     close_by = distance < 1.2 * radius
@@ -164,11 +164,11 @@ class Fillets:
         return np.asarray(self.circle[:, 6])
 
     def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
-        """Return the largest distance (p,) of points X (p, 3) beyond a chord of arcs (p,), metres."""
+        """Return metres (p,) by which points X (p, 3) lie beyond the chords of arcs (p,): the largest value."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def outside_rays(self, arc: Ints, X: Floats) -> Floats:
-        """Return the largest distance (p,) of points X (p, 3) outside a ray of arcs (p,), metres."""
+        """Return metres (p,) by which points X (p, 3) lie outside both rays of arcs (p,): the larger value."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
     def subset(self, chosen: Bools) -> "Fillets":
@@ -202,7 +202,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
             taken.append(tips.subset(clear).stretches(arcs.subset(clear)))
             corners = corners.with_arc_feet(tips.subset(clear), arcs.subset(clear))
     radii = corners.largest(radius)
-    smallest = 0.02 * radius  # if only smaller arcs fit, corners stay sharp
+    smallest = 0.02 * radius  # radius; a corner stays sharp if no larger arc fits
     waiting = np.flatnonzero(radii >= smallest)
     for _ in range(12):
         arcs, factor = corners.arcs(waiting, radii[waiting])
@@ -261,9 +261,9 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """Return a mask (k,) of arcs that fill nothing farther from their corner than their feet.
+    """Return a mask (k,) of arcs that fill only void near their corner, hardly beyond their points of contact.
 
-    An arc at a fold could also fill distant void beyond its chords. Distances are in the corner's plane."""
+    At a fold, an arc could also fill distant void beyond its chords. Distances are measured in the corner's plane."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 

@@ -43,7 +43,7 @@ from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""Rounding and bridging repeat up to ROUNDING_ROUNDS times. Gaps under BRIDGED_SHARE times the neck get a bridge."""
+"""After rounding, gaps under BRIDGED_SHARE x `neck` get bridges. Both steps repeat up to ROUNDING_ROUNDS times."""
 
 PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
 """A pass over the polygons: it returns all polygons, and the number of details that it changed."""
@@ -52,14 +52,14 @@ PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
 def tidied_sheet(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> Sheet:
-    """Return `tidied_polygons` as a sheet of triangles; fields, levels : as in `cut`."""
+    """Return the result of `tidied_polygons` as a sheet of triangles; fields, levels : as in `cut`."""
     return sheet_of(tidied_polygons(surface, fields, levels, snap, tidy))
 
 
 def material_area(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> float:
-    """Return the material area of `tidied_polygons`, square metres; fields, levels : as in `cut`."""
+    """Return the area of material in the result of `tidied_polygons`, square metres; fields, levels : as in `cut`."""
     return tidied_polygons(surface, fields, levels, snap, tidy).material_area
 
 
@@ -155,7 +155,7 @@ def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "Tria
 
 
 def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
-    """Yield all passes over the cells in order, each with its name; results of `trial` replace its passes."""
+    """Yield all passes over the cells in order, each with its name. Passes that `trial` contains are not repeated."""
     if trial:
         unrounded = trial.unrounded
         yield "trial", lambda _: unrounded
@@ -223,7 +223,7 @@ def _with_round_corners(
         if attempt == ROUNDING_ROUNDS:
             break
         better, bridges, places = _bridged_or_widened(sheet.cells, rounded.cells, options)
-        if not (bridges or places) or places > previous_count:  # finished, or no convergence
+        if not (bridges or places) or places > previous_count:  # nothing to change, or more narrow places than before
             break
         sheet, previous_count = sheet.with_cells(better, bridged=bridges, widened=places), places or previous_count
     return rounded
@@ -237,7 +237,7 @@ def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSh
 
 
 def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions) -> tuple[Sheet, int, int]:
-    """Add bridges or widen members where `rounded` is too narrow; return cells, and the numbers of both changes."""
+    """Add bridges or widen members where `rounded` is too narrow; return the cells, and the number of each."""
     if options.merge == "none":
         return cells, 0, 0
     if options.neck:
@@ -252,7 +252,7 @@ def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions)
 def _with_least_widths(
     sheet: FinishedSheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None
 ) -> FinishedSheet:
-    """Widen narrow places, then improve the cells, because tiny edges of the new strips spoil finite elements."""
+    """Widen narrow places, then improve the cells. The new strips have tiny edges, which harm finite elements."""
     if trial and trial.latest.cells is sheet.cells and trial.least and trial.least[0] == options.least:
         result = trial.least[1]
     else:

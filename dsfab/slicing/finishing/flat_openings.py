@@ -1,4 +1,4 @@
-"""Openings laid flat in a plane, and those of their parts that are too narrow for a disc."""
+"""Openings of a sheet, projected to a plane, and the parts of openings that are too narrow for a disc."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -87,7 +87,7 @@ def flat_openings_of(sheet: Sheet) -> FlatOpenings:
 
 
 def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Return the nearest places to points (k, 2) on edges (m, 2) or at vertices (m, 1) of V (n, 2)."""
+    """Find for points (k, 2) the nearest places on edges (m, 2) or at vertices (m, 1), whose positions are V (n, 2)."""
     return nearest_places(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
 
 
@@ -133,7 +133,7 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
     loops = [
         part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2
-    ]  # smaller parts are rounding errors
+    ]  # leave out smaller parts, which are rounding errors
     outlines = [np.asarray(loop[0]) for loop in loops if len(loop) == 1]
     if not outlines:
         return
@@ -160,7 +160,7 @@ def _outlines_to_check(points: Floats, on_wall: Bools, start: Ints, least_length
 
 
 def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
-    """Return the stretches of the outline on walls, between arcs whose ends are over `wide` metres apart."""
+    """Return stretches of the outline on walls. Each lies between two arcs that are over `wide` metres wide."""
     count = len(outline)
     begin = np.flatnonzero(~on_wall & np.roll(on_wall, 1))
     end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # an arc ends here
@@ -175,7 +175,7 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
 
 
 def _is_alley(run: Floats, radius: float) -> bool:
-    """Return whether the wall (r, 2) around a dead end encloses a long strip whose sides do not meet at a point."""
+    """Return whether a dead end, with the wall (r, 2) around it, is long and does not narrow to a point."""
     mouth, middle = float(np.linalg.norm(run[-1] - run[0])), (run[0] + run[-1]) / 2
     length = float(np.linalg.norm(run - middle, axis=1).max())
     x, y = (run - middle).T

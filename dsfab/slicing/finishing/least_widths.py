@@ -23,7 +23,7 @@ NOWHERE = np.empty((0, 2, 3))
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
     """Return points (k, 2, 3) on both walls where openings are narrower than `least` metres, narrowest first.
 
-    apart  : distance between places, metres.    tips : True to include tips.
+    apart  : least distance between two places, metres.    tips : True to include tips.
     widest : True puts the widest of these places first, such as the entrance of a tip."""
     if not cells.has_openings:
         return NOWHERE
@@ -33,7 +33,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return points (k, 2, 3) on both sides of members under `least` metres, and under `LOCAL` median widths."""
+    """Return points (k, 2, 3) on both sides of members under `least` metres and under `LOCAL` x the median width."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -57,7 +57,7 @@ def _crossings_from_openings(material: SheetPart, **options: Any) -> Crossings:
 
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return points (k, 2, 3) on both sides of members under `least` metres, also at edges of the surface."""
+    """Return points (k, 2, 3) on both sides of members narrower than `least` metres, also at edges of the surface."""
     if not cells.has_openings:
         return NOWHERE
     across = _crossings_from_openings(cells.material_part, reach=least)
@@ -96,7 +96,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
     An opening that is narrow everywhere becomes material. So does a small opening that a bridge cuts off. Tips, and
     openings at the edge of the surface, stay."""
     count = 0
-    for _ in range(4):  # beside a bridge, necks may remain
+    for _ in range(4):  # repeat, because necks may remain beside a bridge
         if not cells.has_openings:
             break
         necks, lost = _necks_and_lost_openings(cells, width)
@@ -114,7 +114,7 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
     """Add bridges of `width` metres where a rounded sheet has openings under `least` metres; return also their number.
 
     The function measures in space. So it also finds necks at folds of the surface, which `bridged_necks` misses."""
-    for slim in (1.0 * width, 0.5 * width):  # a broad bridge may miss a wall behind a ridge
+    for slim in (1.0 * width, 0.5 * width):  # a narrower bridge may fit where a broad one does not
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
             return better, count
@@ -146,7 +146,7 @@ def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bo
         number, share = flat.nearest_walls(part.narrowest())
         wall = flat.wall[number]
         ends = walls.points(wall, share)
-        if np.linalg.norm(ends[1] - ends[0]) < width:  # wider ones are narrow in projection only
+        if np.linalg.norm(ends[1] - ends[0]) < width:  # wider necks look narrow only in the projection
             necks.append(Neck(ends, (int(wall[0]), int(wall[1]))))
     return necks, lost
 
@@ -171,7 +171,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     half = np.array([1.04 * least / 2, least / 2])
     wall, ends = cells.walls.nearest(narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # a shorter way leads around a member's end
+    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # a shorter way only leads around the end of a member
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
         strips += _strips_at(cells, sides, place, half)
@@ -180,7 +180,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
 
 
 def _way_around(walls: Walls, wall: Ints) -> Floats:
-    """Return the distance (k,) between two walls (k, 2) along their opening, metres; else infinity."""
+    """Return metres (k,) from wall to wall (k, 2) along the outline of their opening; inf on different outlines."""
     chain, place = walls.chain[wall], walls.place[wall]
     direct = np.abs(place[:, 1] - place[:, 0])
     around = np.where(walls.closed[chain[:, 0]], np.minimum(direct, walls.total[chain[:, 0]] - direct), direct)
@@ -188,7 +188,7 @@ def _way_around(walls: Walls, wall: Ints) -> Floats:
 
 
 MOST_ROUNDS = 40  # Maximum number of rounds; a round adds only strips that do not touch.
-TURNS = 6  # Maximum number of times that openings are bridged and members widened.
+TURNS = 6  # Maximum number of repetitions of both steps: bridges in openings, then strips beside members.
 SNAP = 0.05  # Largest snap onto a strip's side, in half widths of the strip.
 
 
@@ -231,7 +231,7 @@ def with_least_widths(
 
 
 def _until_stable(change: Callable[[Sheet], tuple[Sheet, int]], cells: Sheet, rounds: int) -> tuple[Sheet, int]:
-    """Change the cells until nothing changes, or for `rounds` rounds; return also the number of changes."""
+    """Repeat a change of the cells until it has no effect, at most `rounds` times; return also the sum of changes."""
     total = 0
     for _ in range(rounds):
         cells, count = change(cells)
@@ -255,7 +255,7 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
         places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
         cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
-        if not len(places) or idle == 2:  # no bridge in either order
+        if not len(places) or idle == 2:  # stop if both orders of the places gave no bridge
             break
     return cells, total
 
@@ -266,7 +266,7 @@ def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
         return cells, 0
     half = np.array([1.1 * member / 2, 1.5 * member])  # margin for walls that are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
-    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # mask of ends on walls
+    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # mask of ends that lie on walls
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
         strips += _strips_at(cells, sides[on_wall].tolist(), place, half)

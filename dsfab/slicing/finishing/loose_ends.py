@@ -177,7 +177,7 @@ def nodes_of(mesh: PolygonMesh) -> Bools:
 
 
 def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bools:
-    """Return a mask (c,) of nodes that exist already: undivided faces without a phase, material of the same field."""
+    """Return a mask (c,) of earlier nodes: material on whole faces in which its own field has no phase."""
     alone = np.bincount(mesh.parent, minlength=len(mesh.F))[mesh.parent] == 1
     blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in corner_fields.items()]
     return np.asarray(alone & np.any(blank, axis=0))
@@ -186,8 +186,8 @@ def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bool
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
     """Return polygons (q,) in `blank` at which middle lines of field k end, and the vertex (q,) of each end.
 
-    An end between two vertices gets a unique negative number. Two polygons may find the same end at a vertex. Their
-    common vertex shows this."""
+    An end between two vertices gets a unique negative number. If two polygons find the same end at a vertex, both
+    return this vertex."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])
@@ -196,7 +196,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     slots = np.stack([outer, following[outer]])
     z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
     level = nearest_levels(z.ravel(), levels).reshape(z.shape)
-    on_level = np.abs(z - level) < 1e-6  # in periods: the middle line ends at the vertex
+    on_level = np.abs(z - level) < 1e-6  # periods; then the middle line ends at the vertex
     low, high = np.sort(np.where(on_level, level, z), axis=0)
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))
@@ -236,7 +236,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Divide a convex polygon X (s, 3): the first part spans sides with neighbours, other parts are free corners."""
+    """Cut corners without neighbours off a convex polygon X (s, 3); return first the rest, then these corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)

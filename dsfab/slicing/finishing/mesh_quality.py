@@ -38,7 +38,7 @@ def quality(surface: Surface) -> Quality:
 
 
 def least_angles(P: Floats, normals: Floats) -> Floats:
-    """Return the smallest angle (k,) of triangles P (k, 3, 3), degrees; negative if its normal is reversed."""
+    """Return the smallest angle (k,) of triangles P (k, 3, 3), degrees; negative if a triangle is reversed."""
     sides = np.roll(P, -1, axis=1) - P
     back = -np.roll(sides, 1, axis=1)
     twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), normals)
@@ -46,7 +46,7 @@ def least_angles(P: Floats, normals: Floats) -> Floats:
 
 
 GAIN = 1.01
-"""Minimum factor by which a step must increase the smallest angle: rounding errors cause smaller gains."""
+"""Minimum factor by which a step must increase the smallest angle; a smaller gain may be a rounding error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class CellMesh:
 
     @property
     def surface(self) -> Surface:
-        """The cells; vertices that disappeared have numbers, but no cells."""
+        """The cells. A collapsed vertex keeps its number, but no cell uses it."""
         return self.sheet.surface
 
     @cached_property
@@ -103,7 +103,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the numbers of a vertex's neighbours along lines. With two neighbours, sum - first = second."""
+        """(n',) sum of a vertex's neighbours along lines. If there are two, the sum minus the first is the second."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -150,7 +150,7 @@ class CellMesh:
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """Return a mask (k,) of steps that change no face of a step with a lower rank.
+    """Return a mask (k,) of steps to do: no step with a lower rank changes one of their faces.
 
     row, face : step row[i] changes face[i].    m : number of faces."""
     lowest_rank = np.full(m, len(rank))
@@ -258,7 +258,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """Select moves that increase the smallest angle of material without reducing void's; return gains, degrees."""
+    """Select moves that increase the smallest angle of material, and do not spoil void's; return gains, degrees."""
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
@@ -276,7 +276,7 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """Return a mask (k,) of moves v -> w that keep the mesh a surface, and close no triangle of three lines.
+    """Return a mask (k,) of moves v -> w that keep the mesh a surface, and that lay no line x-v onto a line x-w.
 
     Only the vertices opposite to edge v-w may be neighbours of v and w [Dey et al. 1999].
     row, F : cells around each v."""
@@ -310,7 +310,7 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     parent = parent[f]
     new_angle = np.minimum(cut.angles(first_cell, parent), cut.angles(second_cell, parent))
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
-    better = np.flatnonzero(new_angle > GAIN * old_angle)  # in a flat face, a-b is no edge yet
+    better = np.flatnonzero(new_angle > GAIN * old_angle)  # a-b cannot be an edge yet, because uncut faces are flat
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
     rank = np.arange(len(better))
     pair_faces = np.concatenate([f[better], e[better]])

@@ -78,7 +78,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
         centre, valid = _first_centres(a, b, radius)
     else:
         centre, valid = first_centre, np.ones(len(first_centre), dtype=bool)
-    for _ in range(12):  # two or three suffice for nearly straight walls
+    for _ in range(12):  # nearly straight walls need two or three steps
         foot_a, foot_b = _nearest(a, centre)[0], _nearest(b, centre)[0]
         centre, regular = circle_centres(
             foot_a, unit_vectors(centre - foot_a), foot_b, unit_vectors(centre - foot_b), radius
@@ -102,9 +102,9 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """Return points (k, 2) at `radius` from lines through p, q with unit normals m, n; a mask excludes parallels."""
+    """Return points (k, 2) at `radius` from two lines (point p, normal m; q, n), and a mask of lines not parallel."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
-    regular = np.abs(det) > 0.02  # else nearly parallel
+    regular = np.abs(det) > 0.02  # other lines are nearly parallel
     det = np.where(regular, det, 1.0)
     offset_a, offset_b = np.einsum("ki,ki->k", m, p) + radius, np.einsum("ki,ki->k", n, q) + radius
     x, y = offset_a * n[:, 1] - offset_b * m[:, 1], offset_b * m[:, 0] - offset_a * n[:, 0]
@@ -112,7 +112,7 @@ def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -
 
 
 def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
-    """Return the nearest points (k, 2) of polylines (k, p, 2) to points (k, 2), and the lengths (k,) up to them."""
+    """Return the points (k, 2) of polylines (k, p, 2) nearest to points (k, 2), and metres (k,) up to them."""
     start, along = line[:, :-1], np.diff(line, axis=1)
     size = np.einsum("kpi,kpi->kp", along, along)
     t = np.einsum("kpi,kpi->kp", point[:, None] - start, along) / np.where(size > 0, size, 1.0)
@@ -155,7 +155,7 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners outside disjoint arcs (p,) at `tips`; the feet of these arcs are corners with turn 0."""
+        """Return the corners that no arc (p,) at `tips` covers, and the arcs' feet as corners with a turn of 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -183,7 +183,7 @@ class Corners:
 
     @cached_property
     def wall_lengths(self) -> tuple[Floats, Floats]:
-        """Length (k,) of wall before, and (k,) behind each corner, to the next corner or to the chain's end, metres."""
+        """Lengths (k,), (k,) of wall before and behind each corner, to the next corner or the chain's end, metres."""
         walls, follow, before = self.walls, self.next_corner, self.previous_corner
         chain = walls.chain[self.first]
         total, place = walls.total[chain], self.place
@@ -201,7 +201,7 @@ class Corners:
 
     @cached_property
     def rooms(self) -> tuple[Floats, Floats]:
-        """Length (k,) of wall before, and (k,) behind each corner that its arc may take, metres.
+        """Lengths (k,), (k,) of wall before and behind each corner that its arc may use, metres.
 
         The two corners at a wall divide it in the ratio of their `tangents`."""
         t, (ahead, behind) = self.tangents, self.wall_lengths
@@ -210,7 +210,7 @@ class Corners:
             beyond: Floats = np.where(neighbour >= 0, t[neighbour], 0.0)
             return np.divide(t, t + beyond, out=np.zeros_like(t), where=t > 0)
 
-        room = 0.98  # arcs at both ends of a wall stay apart
+        room = 0.98  # under 1, so that arcs at both ends of a wall stay apart
         return room * ahead * share(self.previous_corner), room * behind * share(self.next_corner)
 
     @cached_property
@@ -244,7 +244,7 @@ class Corners:
         ways = np.array([arcs.way_a, arcs.way_b])
         rooms = np.array(self.rooms)[:, rows]
         least = np.divide(rooms, ways, out=np.full_like(ways, np.inf), where=ways > 0).min(axis=0)
-        fits = 0.995  # for rounding errors; less than the margin of `rooms`
+        fits = 0.995  # margin for rounding errors, smaller than the margin of `rooms`
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
@@ -267,7 +267,7 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """Return a mask (p,) of vertices on the wall between the feet of arcs (p,); margin: 2 % of the radius."""
+        """Return a mask (p,) of vertices (p,) between the feet of their arcs, or up to 2 % of the radius beyond."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))

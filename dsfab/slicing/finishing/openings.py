@@ -59,7 +59,7 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) width of each opening divided by the width of the narrower member beside it: the median along its walls.
+        """(o,) median along each opening's walls of its width, divided by the width of the narrower member beside it.
 
         Only walls with an opposite wall count. If they are under 5 % of the walls, as in a triangle, the width is the
         side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of both ratios. The
@@ -78,7 +78,7 @@ class Openings:
         opposite_share = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
         opposite_share = np.where(enclosed, opposite_share, opposite_share == 1)
         result = _harmonic(between, square, opposite_share)
-        around[~enclosed] = 1.0  # not used; prevents a division by 0
+        around[~enclosed] = 1.0  # not used; any number but 0 prevents a division by 0
         return np.where(enclosed, np.maximum(result, self.hydraulic_diameters / (2 * around)), result)
 
     @cached_property
@@ -98,7 +98,7 @@ class Openings:
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Return the number of slits along a family's cells (m',), and the fraction of their walls at slits."""
+        """Return the number of slits beside the cells `family` (m',), and the fraction of their walls at slits."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]
@@ -115,7 +115,7 @@ class Openings:
 
     @cached_property
     def _width_ratio(self) -> Floats:
-        """(k,) width of the opening at each crossing line, divided by the narrower member's; NaN without a member."""
+        """(k,) width of the opening on each line across it, divided by the narrower member's width; NaN without one."""
         member = self._member_widths[self.void.parent_edges[self._crossings.walls]]
         return np.asarray(self._crossings.width / np.fmin(*member.T))
 
@@ -183,11 +183,11 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
-    candidates = openings.subset(may_be_small)  # saves 90 % of the time
+    candidates = openings.subset(may_be_small)  # the others are larger in any case; this saves 90 % of the time
     across = crossings(candidates.void.surface, candidates.void.walls)
     width = weighted_medians(across.width, across.weight, candidates.label[across.face], candidates.count)
     diameters = candidates.hydraulic_diameters
-    smaller = np.clip(width, diameters / 2, diameters)  # a long slit: diameter = 2 widths
+    smaller = np.clip(width, diameters / 2, diameters)  # a long slit is half as wide as its diameter
     small = may_be_small.copy()
     small[may_be_small] = smaller < split_value(smaller, size, ALIKE * size if alike else 0.0)
     return with_filled(cells, small), int(small.sum())

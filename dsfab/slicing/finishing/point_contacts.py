@@ -99,7 +99,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """Divide pinches into groups without an edge between two pinches, where the linear distance would be 0."""
+    """Divide pinches into groups in which no edge joins two pinches; on such an edge the distance would be 0."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
@@ -109,7 +109,7 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
 
 
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """Return a field (n',), 0 at pinches; its level `radius` cuts their edges at min(radius, 0.4 edge length)."""
+    """Return a field (n',), 0 at pinches; on edges, the level `radius` lies min(radius, 0.4 length) from a pinch."""
     V, ends = sheet.surface.V, sheet.surface.edges.ends
     x = np.full(len(V), radius / 0.4)
     for p, q in (ends.T, ends[:, ::-1].T):

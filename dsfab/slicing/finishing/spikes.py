@@ -105,7 +105,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # below this: a bend, or tiny
+    lowest = max(0.04 * width, 0.25 * length)  # a lower tooth is a bend, or tiny
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)

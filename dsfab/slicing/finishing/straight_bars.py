@@ -36,7 +36,7 @@ class FairBar:
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
         """Return a straight bar in place of polygons (c,), as wide as its narrower contact.
 
-        Return None unless there are two contacts that are nearly perpendicular to the bar."""
+        Return None if the number of contacts is not two, or if a contact is oblique to the bar."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
@@ -45,7 +45,7 @@ class FairBar:
         normal = np.cross(spoke, ahead).sum(axis=0)
         normal /= np.linalg.norm(normal)
         axis = ends[1] - ends[0]
-        tiny = np.finfo(float).tiny  # a bar that ends where it begins gives no NaN
+        tiny = np.finfo(float).tiny  # avoids NaN for a bar that ends where it begins
         across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), tiny))
         across /= max(float(np.linalg.norm(across)), tiny)
         widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
@@ -60,7 +60,7 @@ class FairBar:
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # right walls have the bar's direction
+        side = np.where(ahead > 0, -1, 1)  # a wall on the right runs in the bar's direction
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
@@ -89,7 +89,7 @@ class FairBar:
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def deviation(self, mesh: PolygonMesh) -> float:
-        """Return the largest distance of the old outline outside the new outline, divided by the bar's width."""
+        """Return the largest distance by which the old outline lies outside the new one, divided by the bar's width."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 

@@ -165,12 +165,12 @@ class _Bars:
         group, count = self._groups(fits)
         limits = np.full(count, LARGE)
         np.maximum.at(limits, group[fits], largest[fits])
-        # index -1, for bars without a group, reads the last value
+        # bars without a group have index -1, so they read the last value, False
         accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Return groups (b,) of the chosen bars, -1 for others, and their number. Bars at one opening are a group."""
+        """Return groups (b,) of the chosen bars, -1 for others, and their number. Bars at one opening are grouped."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]

@@ -64,7 +64,7 @@ def equal_row_groups(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
     """Group rows with equal keys (k,) and equal numbers (k, r); return each group's first row, and each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # only these rows need sorting
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # the others are not sorted
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])
@@ -138,7 +138,7 @@ class StripeChart:
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """Return a mask (m,) of faces on which phase k is not constant: over 1e-9 periods along the surface's size."""
+        """Return a mask (m,) of faces on which phase k is not constant: it grows by over 1e-9 per surface size."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property

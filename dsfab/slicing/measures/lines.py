@@ -23,7 +23,7 @@ class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet.
 
     half_edge, start, end : the half-edge, and its first and its last vertex.
-    curve  : the number of the edge's line in the sheet. All levels of field k have -1 - k.
+    curve  : the number of the edge's line in the sheet; -1 - k if the line is any level of field k.
     family : the family of the edge's cell, or `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
@@ -43,7 +43,7 @@ def outline_labels(sheet: Sheet) -> Labels:
 
 
 def outline_corners(sheet: Sheet) -> Floats:
-    """Return the vertices (k, 3), metres, where two curves of a material sheet's outline meet at any angle.
+    """Return the vertices (k, 3), metres, at which two curves of a material sheet's outline meet, even smoothly.
 
     A fillet is a single curve, so only its two ends are such vertices."""
     _, a, b, *names = outline_labels(sheet)
@@ -121,7 +121,7 @@ def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
 def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
     order = np.lexsort([begin, segment])
     segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
-    upto = np.maximum.accumulate(2.0 * segment + end)  # segment s lies from 2 s to 2 s + 1
+    upto = np.maximum.accumulate(2.0 * segment + end)  # one axis for all: segment s is 2 s to 2 s + 1
     begins_span = np.ones(len(segment), dtype=bool)
     begins_span[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
     first_rows = np.flatnonzero(begins_span)
@@ -195,7 +195,7 @@ def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share:
 
     An end is a corner of the face (`at_corner`), or a point of the side that begins at the corner.
     share : (v, 2) position of this point on the side, 0 to 1."""
-    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # joins the two sides of each cut
+    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # joins both sides of each cut
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
     start, side = F[face, corner], edges.of[face, corner]
@@ -217,7 +217,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
     half_width : (n,) d in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : families whose members cross. Lines only in cells of these families are left out."""
+    passing    : fields of the other family. A line that lies only in their cells is left out."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -325,7 +325,7 @@ class _Stripes:
                 same_field = np.flatnonzero((self.family[edges] == k) & (self.family[before] == k))
                 f, g = self.parent[edges[same_field]], self.parent[before[same_field]]
                 rows = self.weights[loop[same_field]]
-                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex that both uncut faces have
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex of both uncut faces f and g
                 place, place_before = (f, corner_places(self.F[f], base)), (g, corner_places(self.F[g], base))
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]
@@ -373,7 +373,7 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
     """Return loops of boundary vertices, and for each loop the half-edges that begin at its vertices.
 
-    A surface with two sides lies on the left of the loops."""
+    If the surface has two sides, it lies on the left of the loops."""
     half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)
     by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
     by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}

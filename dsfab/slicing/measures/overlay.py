@@ -116,7 +116,7 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
 
 
 def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
-    """Return a mask (m,) of other fields' material that may cover stripes of band k."""
+    """Return a mask (m,) of cells whose field may cover stripes of band k."""
     covers = np.array([band.family != bands[k].family and (band.hides or not bands[k].hides) for band in bands])
     covers &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
     return np.asarray(covers[family])
@@ -160,7 +160,7 @@ class _BandOnCells:
         """Return a mask (p,) of pairs of half-edges (p, 2) whose cells have the same nearest level."""
         h, g = pairs.T
         flat = self.F.ravel()
-        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # the same vertex in the second cell
+        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # corner of the second cell at the vertex of h
         sign = self.sign.ravel()[h] * self.sign.ravel()[g]
         shift = self.shift.ravel()[h] - sign * self.shift.ravel()[g]
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < SAME_PHASE)
@@ -168,7 +168,7 @@ class _BandOnCells:
     def offsets(self, in_stripe: Bools) -> Floats:
         """Return z - number (m, 3) on the triangles in the mask, NaN elsewhere.
 
-        A zero becomes a tiny number with the same sign in all triangles at its vertex. So every line crosses triangles.
+        A zero becomes a tiny number with the same sign in all triangles at its vertex. So lines miss all vertices.
         """
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < SAME_PHASE
@@ -190,7 +190,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # `slicing.snap` moves edges
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # tolerance, because `slicing.snap` moves edges
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)

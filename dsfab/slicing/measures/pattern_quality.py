@@ -83,7 +83,7 @@ def bays(middles: StripeMiddles) -> Bays:
     inner = np.where(has_stripes, np.maximum(np.ceil(high).astype(np.int64) - first_whole, 0), 0)
     piece = np.repeat(np.arange(len(face)), inner + 1)
     start = np.cumsum(inner + 1) - inner - 1
-    number = np.arange(len(piece)) - start[piece]  # of the part in its piece, by ascending z
+    number = np.arange(len(piece)) - start[piece]  # number of each part in its piece, by ascending z
     z0 = np.where(number == 0, low[piece], first_whole[piece] + number - 1)
     z1 = np.where(number == inner[piece], high[piece], first_whole[piece] + number)
     span = (high - low)[piece]
@@ -162,7 +162,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     end_a, end_b = order[pair], order[pair + 1]
     normals_a, normals_b = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (end_a, end_b))
-    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # in the first face's plane
+    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # turned into the first face
     alike = np.where(np.einsum("px,px->p", along[piece[end_a]], straight) < 0, -1, 1)
     result = np.zeros(len(middles.edge), dtype=bool)
     result[node[end_a]] = (side[end_a] * side[end_b] * alike > 0) & clear[piece[end_a]] & clear[piece[end_b]]
@@ -186,7 +186,7 @@ class Arms(NamedTuple):
     def is_hairpin(self, width: float) -> bool:
         """Return True if a member of this width, metres, ends or turns back here.
 
-        Two arms are compared in one plane. So a member across a sharp edge of the surface is straight."""
+        Two arms are compared in one plane. So a member across a sharp edge of the surface counts as straight."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
         unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]

@@ -50,7 +50,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # a line over more triangles follows a member
+    for _ in range(2000):  # a longer line runs along a member
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -71,7 +71,7 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
     """Return the lines where they leave their triangles, in the frame of the half-edge there; y points outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
-    over_next, over_last = by * x - bx * y, cy * x - cx * y  # towards the other two sides
+    over_next, over_last = by * x - bx * y, cy * x - cx * y  # speeds towards the other two sides
     with np.errstate(divide="ignore", invalid="ignore"):
         to_next = np.where(over_next > 0, np.maximum(by * (length - s), 0) / over_next, np.inf)
         to_last = np.where(over_last > 0, np.maximum(-cy * s, 0) / over_last, np.inf)
@@ -183,8 +183,8 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
     slope : (k,) cosine between a line and the half-edge at its end; negative if walls converge along this half-edge.
 
-    Straight walls at an angle a meet at a distance of w / (2 tan(a / 2)) from a line of length w. In a tip, the walls
-    from the line to the tip have 0.4 to 1.7 times the length of two such distances."""
+    Straight walls at an angle a meet at a distance of w / (2 tan(a / 2)) from a line of length w. In a tip, the wall
+    from one end of the line around the tip to the other end is 0.4 to 1.7 times as long as two such distances."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -197,7 +197,7 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
     ends = start.edge, next_half_edge(start.edge), finish.edge, next_half_edge(finish.edge)
     corner = np.stack([surface.F.ravel()[h] for h in ends])
-    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # with a common corner
+    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # both edges share a corner
     return np.asarray(neighbours | ((angle >= TAPER) & (wall_length >= 0.4 * wedge) & (wall_length <= 1.7 * wedge)))
 
 
@@ -242,7 +242,7 @@ def _edge_vectors(surface: Surface, h: Ints) -> Floats:
     return np.asarray(surface.V[F[next_half_edge(h)]] - surface.V[F[h]])
 
 
-ROUNDING = 1e-6  # Widths may be below a limit by this fraction of it.
+ROUNDING = 1e-6  # A width still meets a limit if it is smaller by at most this fraction of the limit.
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,8 +280,8 @@ class Features:
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
         """Return limits (b + 1,) of bins of width, from 0, metres, and the fraction (b,) of wall length in each bin.
 
-        limit : a width, metres, at which a bin ends; 0 for none. The last bin holds all widths above P99 or 3 medians.
-        Both results may be empty."""
+        limit : a width, metres, at which a bin ends; 0 for none. Widths over 3 medians, and the widest 1 %,
+        count in the last bin. Both results may be empty."""
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
         usual, widest = self.quantiles([0.5, 0.99]).tolist()
@@ -298,7 +298,7 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
     """Return limits (b + 1,) of about `count` equal bins from 0 to `end`; one bin ends at `limit`, if this is smaller.
 
-    If over `largest_count` bins are necessary, only the first bin ends at the limit, and it is narrower."""
+    If this needs over `largest_count` bins, the first bin ends at the limit, and is narrower than the others."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))
@@ -334,7 +334,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """Return a mask (m',) of the material cells that are also in `sheet`, which has connected pieces of the
+    """Return a mask (m',) of the material cells that are also in `sheet`, which consists of whole pieces of the
     material."""
     material = cells.material
     if material.sum() == sheet.surface.m:
