@@ -113,8 +113,8 @@ def no_pictures(monkeypatch):
 def rough_shares(monkeypatch):
     """Shares of material that are right to 2 %, for tests of other things: each step of the search cuts the sheet."""
     monkeypatch.setattr("dsfab.design.stripe_pattern.SHARE_TOLERANCE", 0.02)
-    monkeypatch.setattr("dsfab.design.kept_material.SHARE_TOLERANCE", 0.02)
-    monkeypatch.setattr("dsfab.design.kept_material.UNREPORTED", 0.04)
+    monkeypatch.setattr("dsfab.design.stripe_pattern.SHARE_TOLERANCE", 0.02)
+    monkeypatch.setattr("dsfab.design.stripe_pattern.UNREPORTED", 0.04)
 
 
 @pytest.fixture

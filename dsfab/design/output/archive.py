@@ -187,8 +187,12 @@ def even_stripes_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> E
     """Return the evenly spaced stripes from arrays such as even_slope (n, 2); None if there are none."""
     if "even_slope" not in arrays:
         return None
-    names = ("value", "sign", "shift", "singular")
-    major_phase, minor_phase = (CornerPhase(*[arrays[f"even_{k}_{name}"] for name in names]) for k in (0, 1))
+
+    def phase(k: int) -> CornerPhase:
+        value, sign, shift, singular = (arrays[f"even_{k}_{name}"] for name in ("value", "sign", "shift", "singular"))
+        return CornerPhase(value, sign, shift, singular)
+
+    major_phase, minor_phase = phase(0), phase(1)
     major, minor = (tuple(arrays[f"even_{k}_wanted"]) for k in (0, 1))
     part = {name: arrays[f"even_chart_{name}"] for name in ("V", "F", "parent", "z", "scale")}
     divided = Surface(part["V"], part["F"])
