@@ -113,7 +113,6 @@ def no_pictures(monkeypatch):
 def rough_shares(monkeypatch):
     """Shares of material that are right to 2 %, for tests of other things: each step of the search cuts the sheet."""
     monkeypatch.setattr("dsfab.design.stripe_pattern.SHARE_TOLERANCE", 0.02)
-    monkeypatch.setattr("dsfab.design.stripe_pattern.SHARE_TOLERANCE", 0.02)
     monkeypatch.setattr("dsfab.design.stripe_pattern.UNREPORTED", 0.04)
 
 
