@@ -8,7 +8,7 @@ import pytest
 from dsfab.render.build_pictures import ClientPicture
 from dsfab.render.picture import Look
 from dsfab.render.surroundings import HEADROOM, PLINTH, building_supports
-from dsfab.render.view import plan_and_elevation, plane_extents
+from dsfab.render.view import parallel_view, plan_and_elevation, plane_extents
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.shapes import dome
 from dsfab.thickening import offsets, thicken
@@ -211,6 +211,33 @@ def test_low_feet_on_one_side_of_a_stand_are_columns_and_no_abutment():
     stand = moved(slab(), lambda x, y: 0.5 * (x + 5))
     parts = building_supports(stand, loaded(stand, corners(stand) & (stand.V[:, 0] < 0)), Z)
     assert [part.kind for part in parts] == ["column", "column"]
+
+
+@pytest.mark.parametrize(("share", "kind"), [(0.2, "wall"), (0.3, "abutment")])
+def test_a_sheet_that_cantilevers_from_its_low_quarter_rests_on_a_wall(share, kind):
+    """It falls from its support to the middle, and then rises to its free end."""
+    sheet = moved(slab(), lambda x, y: np.interp(x, [-5, 0, 5], [2 * share, 0, 2]))
+    (part,) = building_supports(sheet, loaded(sheet, ends(sheet, 0, -1)), Z)
+    assert part.kind == kind
+
+
+@pytest.mark.parametrize(("lean", "is_beside"), [(0.8, True), (1.3, False)])
+def test_a_part_stands_beside_an_edge_that_is_steeper_than_three_to_one(lean, is_beside):
+    """The ends of a wall of 3 m lean outwards in its plane."""
+    wall = CASES["wall"].surface
+    V = wall.V + np.outer(lean * np.sign(wall.V[:, 0]) * (wall.V[:, 2] + 1.5) / 3, [1, 0, 0])
+    leaning = Surface(V, wall.F)
+    held = np.abs(wall.V[:, 0]) == wall.V[:, 0].max()
+    parts = building_supports(leaning, loaded(leaning, held), Z)
+    assert [part.outwards.any() for part in parts] == [is_beside] * 2
+
+
+def test_in_a_plan_a_high_and_a_low_edge_have_the_same_length():
+    plan, _ = plan_and_elevation(slab().V, Z)
+    box = np.concatenate([slab(0.0).V, slab(10.0).V])
+    x, _, _ = parallel_view(box, plan, (300, 300), 20.0).page_coordinates(box).T
+    low, high = np.ptp(x[: slab().n]), np.ptp(x[slab().n :])
+    assert low == pytest.approx(high, rel=0.01)
 
 
 @pytest.mark.parametrize(("rise", "kind"), [(0.02, "column"), (1.0, "hanger")])
