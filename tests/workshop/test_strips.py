@@ -11,7 +11,7 @@ from dsfab.members import Member, MemberAxis, MemberGraph
 from dsfab.workshop import Layering, is_strip
 from dsfab.workshop.development import Development, member_course
 from dsfab.workshop.planks import PlankStock, plank_plan
-from dsfab.workshop.strips import strip_parts
+from dsfab.workshop.strips import calm_stations, strip_parts
 from tests.analytic import SURFACES, WIDTH
 from tests.shapes import grid
 from tests.workshop.unrolled_strips import Bent, ReadPart, graph_of
@@ -56,6 +56,12 @@ def test_a_strip_that_curls_at_its_end_is_built_up_to_the_curl():
     straight = hook(0.0)
     assert is_strip(straight)
     assert member_course(graph, straight, 0.1, 0.1).end == 6
+
+
+def test_the_curvature_of_a_strip_is_read_one_and_a_half_widths_from_its_ends():
+    member = hook(0.0)
+    s = member.curve.s[calm_stations(member)]
+    assert (s[0], s[-1]) == pytest.approx((0.3, 5.7), abs=0.05)
 
 
 @pytest.mark.parametrize(("member", "stopped"), [(hook(0.2, 5.85), ["A1"]), (hook(0.0), [])])
