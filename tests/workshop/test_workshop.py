@@ -75,6 +75,19 @@ def test_parts_on_sheets_keep_the_gap_whatever_their_bends_and_need_no_more_shee
     assert len(sheets) <= shelves(parts, STOCK[0], gap)
 
 
+def test_a_part_may_be_longer_than_its_sheet_by_a_rounding_error_only():
+    assert len(nest_parts([bowed("A1", 2.5 - 2 * GAP + 1e-10, 0.5, 0.0)], STOCK, GAP)) == 1
+    with pytest.raises(PatternError, match="fits on no sheet of the stock"):
+        nest_parts([bowed("A1", 2.5 - 2 * GAP + 1e-7, 0.5, 0.0)], STOCK, GAP)
+
+
+@pytest.mark.parametrize(("off", "corners"), [(1e-5, 4), (4e-5, 5)])
+def test_drawings_leave_out_corners_a_fiftieth_of_a_millimetre_off_a_line(off, corners):
+    outline = np.array([[0.0, 0.0], [0.5, -off], [1.0, 0.0], [1.0, 0.2], [0.0, 0.2]])
+    (drawn_outline,) = FlatPart("A1", "A1", (0.0, 1.0), outline).contours
+    assert len(drawn_outline) == corners
+
+
 def test_strips_of_one_bend_lie_in_each_other_exactly_a_gap_apart():
     parts = [bowed(f"P{k}", 2.4, 0.1, 0.8) for k in range(8)]
     (sheet,) = nest_parts(parts, STOCK, GAP)
