@@ -3,6 +3,7 @@
 import csv
 import io
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -200,6 +201,14 @@ def test_splices_of_a_vault_share_few_covers_whose_holes_fit_their_pieces(vault,
     assert any(f"{len(alike.equal_parts)} shapes" in note for note in alike.notes)
     assert refolded_plan(alike).deviations.max() < 2 * 5e-4
     test_covers_have_the_holes_of_their_pieces(alike)
+
+
+def test_a_note_says_how_few_shapes_parts_have_if_five_millimetres_do_not_count(plan):
+    (note,) = (note for note in plan.notes if "workshop.alike" in note)
+    words = r"\d+ parts of (\d+) shapes; workshop.alike = (\S+) makes them (\d+) or fewer"
+    shapes, distance, fewer = re.fullmatch(words, note).groups()
+    assert (int(shapes), float(distance)) == (len(plan.equal_parts), 0.005)
+    assert int(fewer) < int(shapes)
 
 
 def test_covers_have_the_holes_of_their_pieces(plan):
