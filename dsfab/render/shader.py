@@ -12,7 +12,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
-INFINITE_DISTANCE = 1e30  # distance in place of infinity, because infinity times 0 is not a number
+INFINITE_DISTANCE = 1e30  # distance (m) in place of infinity, because infinity times 0 is not a number
 NO_REACH = -INFINITE_DISTANCE  # reach that keeps no material; not 0, as rounded distances can be negative
 BY_VERTEX = -1.0  # half-width that tells the shader to read half-widths at the vertices
 

@@ -22,7 +22,6 @@ from dsfab.surface import DividedField, Surface
 
 EXACT_REACH_SHARE = 1 / 8  # largest exact distance / size of the surface, in all presets
 REGION_FACTOR = 1e33  # factor on distances to drawn regions, so that every reach ends at outlines
-REGION_REACH = -1e6  # reach if only drawn regions are kept; larger than `NO_REACH`
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +175,7 @@ def shader_settings(preset: Preset, result: PatternResult, show: str) -> StripeS
     """Return the shader settings of a preset. Numbers that the preset omits come from the result of its pattern."""
     pattern = preset.pattern
     pair, width = (pattern.major, pattern.minor), pattern.width
-    nothing = REGION_REACH if pattern.drawn_regions else NO_REACH
+    nothing = 0.0 if pattern.drawn_regions else NO_REACH  # with `NO_REACH` the shader ignores the user's regions
     reach, shown = (pattern.keep or nothing, pattern.rim or NO_REACH), _SHOWN_FAMILIES.get(show, (1.0, 1.0))
     shown_families = (shown[0] * ("major" in pattern.family_names), shown[1] * ("minor" in pattern.family_names))
     if result.even:

@@ -52,7 +52,7 @@ def twisted_beam(cells: int, mesh: Mesh, force: Vector, thickness: float = 0.32)
 
 
 BENT = Material(young=1e9, poisson=0.0)
-BENT_WIDTH = 0.2
+BENT_WIDTH = 0.2  # Metres; the axis has a radius of 1 m.
 
 
 def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:

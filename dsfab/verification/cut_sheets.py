@@ -10,7 +10,7 @@ from dsfab.surface import Surface
 from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_directions, is_at, square
 
 CONCRETE = Material(33e9, 0.2, 2500.0)
-THICKNESS = 0.05
+THICKNESS = 0.05  # Metres, an eightieth of the radius.
 RADIUS, LENGTH, OPENING = 4.0, 4.0, np.pi / 2  # Radius and length in metres, and angle of the vault.
 GRAVITY = np.array([0.0, 0.0, -9.81])
 COARSE = 12  # Cells around the vault before the cut; finer meshes divide the cut mesh.

@@ -31,7 +31,7 @@ from dsfab.verification.problems import (
 
 PLATE = Material(young=1e7, poisson=0.3)
 HEAVY = replace(PLATE, density=1000.0)
-THIN = 0.01
+THIN = 0.01  # Thickness divided by the side of the plate.
 ACROSS = (0.0, 0.0, 1.0)  # Load normal to the plane of a plate, Pa.
 
 

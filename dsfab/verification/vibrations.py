@@ -12,7 +12,7 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.verification.problems import MESHES, Mesh, Problem, Test, edges_on, held_directions, is_at, lines_on, square
 
 STEEL = Material(200e9, 0.3, 8000.0)
-THICKNESS = 0.05
+THICKNESS = 0.05  # Metres, of all vibrating plates.
 
 PLATE_HERTZ = (0.421, 1.029, 2.582, 3.306, 3.753, 6.555)
 """Frequencies of FV16 [Abbassian, Dawswell and Knowles 1987, Selected benchmarks for natural frequency analysis,

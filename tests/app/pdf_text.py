@@ -3,6 +3,7 @@
 import base64
 import re
 import zlib
+from contextlib import suppress
 
 
 def pdf_words(data: bytes) -> str:
@@ -11,16 +12,18 @@ def pdf_words(data: bytes) -> str:
 
 
 def pdf_pages(data: bytes) -> list[str]:
-    """The text of each page, by a reader of a few lines: streams in base 85 and deflate, strings before Tj."""
-    pages = []
+    """The text of each page: strings before Tj."""
+    found = (re.findall(rb"\(((?:\\.|[^()\\])*)\) Tj", drawn) for drawn in pdf_drawings(data))
+    return [_plain(b" ".join(words)) for words in found if words]
+
+
+def pdf_drawings(data: bytes) -> list[bytes]:
+    """The operators of each page, by a reader of a few lines: streams in base 85 and deflate."""
+    drawings = []
     for stream in re.findall(rb"stream\r?\n(.*?)endstream", data, re.DOTALL):
-        try:
-            text = zlib.decompress(base64.a85decode(b"<~" + stream.strip(), adobe=True))
-        except (ValueError, zlib.error):
-            continue
-        if found := re.findall(rb"\(((?:\\.|[^()\\])*)\) Tj", text):
-            pages.append(_plain(b" ".join(found)))
-    return pages
+        with suppress(ValueError, zlib.error):
+            drawings.append(zlib.decompress(base64.a85decode(b"<~" + stream.strip(), adobe=True)))
+    return drawings
 
 
 def _plain(plain: bytes) -> str:

@@ -25,7 +25,7 @@ from dsfab.report.pdf_pages import document_pdf
 from dsfab.study import compare_at
 from dsfab.study.comparison import comparison
 from dsfab.study.judges import full, quick
-from tests.app.pdf_text import pdf_pages, pdf_words
+from tests.app.pdf_text import pdf_drawings, pdf_pages, pdf_words
 
 TIP = {"kind": "force", "at": {"pick": "ball", "center": [1, 0, 0], "radius": 0.1}}
 CASES = {
@@ -228,10 +228,34 @@ def test_letters_on_pictures_have_the_height_of_the_text_of_the_report():
     assert high(figures.SMALL, 1.0) * figures.TEXT * 0.5 / figures.SMALL[0] < 4.0
 
 
+class Scales(figures.FindingsPictures):
+    """The colour scales of pictures, which are not drawn."""
+
+    def _figure(self, *given):
+        return given[-1]
+
+
+@pytest.mark.parametrize("limit", [1.0, 1.3, 2.1, 4.4, 9.9])
+def test_a_colour_scale_has_five_to_ten_bands_and_reaches_the_limit(limit):
+    scale = Scales(None)._band_figure("", None, None, np.array([limit]), limit * 1e6, "Pa", "stress")
+    assert 5 <= len(scale.colours) <= 10
+    assert float(scale.labels[-1]) >= limit
+
+
 def test_two_runs_of_one_document_give_the_same_bytes():
     document = Document("Title", "Subject", [("a", "b")], [ReportSection("One", [Paragraph("words")])], "foot")
     assert document_pdf(document) == document_pdf(document)
     assert document_html(document) == document_html(document)
+
+
+def test_text_and_tables_of_the_pdf_are_as_wide_as_the_line_at_its_foot():
+    """18 mm from both sides of A4."""
+    document = Document("Title", "Subject", [("a", "b")], [ReportSection("One", [Paragraph("word")])], "foot")
+    (page,) = pdf_drawings(document_pdf(document))
+    begins = {float(x) for x in re.findall(rb"1 0 0 1 (\S+) \S+ cm", page)} - {0.0}
+    lines = [float(x) for x in re.findall(rb"n 0 \S+ m (\S+) \S+ l S", page)]
+    assert sorted(begins) == [pytest.approx(18 / 25.4 * 72, abs=1e-3)]
+    assert (lines[0], max(lines[1:])) == pytest.approx((174 / 25.4 * 72,) * 2, abs=1e-3)
 
 
 def test_letters_that_are_not_western_are_set_and_markup_is_escaped():

@@ -9,10 +9,12 @@ from dsfab.app.cli import main
 from dsfab.core.errors import PresetError
 from dsfab.preset.proposal import MeshWishes, propose
 from dsfab.preset.proposal.judgement import choice, likely_units
+from dsfab.preset.proposal.readings import readings
 from dsfab.preset.proposal.shape import Shape
 from dsfab.surface import Boundary, Surface
 from dsfab.surface.shapes import dome, sphere
 from tests.own_roofs import MEANT, TWELVE, cupola, pavilion, wall
+from tests.shapes import grid
 
 AXES = {"z": 1.0, "y": 0.7}
 QUICK = (
@@ -89,6 +91,13 @@ def test_the_user_names_what_holds_a_surface():
 def test_a_sheet_that_its_edge_surrounds_is_not_built_in(name, built_in):
     """Walls below a floor let it turn; a slab that is built in moves by a third only, which is not on the safe side."""
     assert propose(MEANT[name].surface).plan.built_in == built_in
+
+
+@pytest.mark.parametrize(("length", "count"), [(9.0, 1), (13.5, 2), (20.5, 3)])
+def test_columns_below_a_flat_roof_are_six_to_nine_metres_apart(length, count):
+    roof = Shape(grid(40, 12, length, 6.0))
+    (columns,) = (reading for reading in readings(roof) if reading.word == "columns")
+    assert len(columns.places) == count
 
 
 def test_a_sheet_that_nothing_plausible_holds_is_refused():

@@ -7,8 +7,8 @@ import pytest
 
 from dsfab.render.build_pictures import ClientPicture
 from dsfab.render.picture import Look
-from dsfab.render.surroundings import HEADROOM, PLINTH, building_supports
-from dsfab.render.view import plan_and_elevation, plane_extents
+from dsfab.render.surroundings import HEADROOM, building_supports
+from dsfab.render.view import parallel_view, plan_and_elevation, plane_extents
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.shapes import dome
 from dsfab.thickening import offsets, thicken
@@ -129,11 +129,10 @@ def test_columns_end_at_the_underside_of_a_slab_and_do_not_enter_it():
 
 @pytest.mark.parametrize(("height", "level"), [(0.0, -0.05), (2.0, 1.95), (2.4, 0.0), (50.0, 49.95)])
 def test_the_ground_is_at_height_0_only_below_headroom(height, level):
-    """A slab at 0 stays on its footings, and one on a hill of 50 m has no columns of 50 m."""
+    """A slab at 0 stays on its footings, which are 0.15 m high, and one on a hill of 50 m has no columns of 50 m."""
     slab_at = slab(height)
     stage = picture(slab_at, corners(slab_at)).stage
-    plinth = 0.0 if level == 0 else PLINTH * slab_at.size
-    assert stage.level == pytest.approx(level - plinth)
+    assert level - stage.level == pytest.approx(0.0 if level == 0 else 0.15, abs=0.02)
 
 
 def test_a_hung_ceiling_has_rods_upwards_and_headroom_below():
@@ -211,6 +210,33 @@ def test_low_feet_on_one_side_of_a_stand_are_columns_and_no_abutment():
     stand = moved(slab(), lambda x, y: 0.5 * (x + 5))
     parts = building_supports(stand, loaded(stand, corners(stand) & (stand.V[:, 0] < 0)), Z)
     assert [part.kind for part in parts] == ["column", "column"]
+
+
+@pytest.mark.parametrize(("share", "kind"), [(0.2, "wall"), (0.3, "abutment")])
+def test_a_sheet_that_cantilevers_from_its_low_quarter_rests_on_a_wall(share, kind):
+    """It falls from its support to the middle, and then rises to its free end."""
+    sheet = moved(slab(), lambda x, y: np.interp(x, [-5, 0, 5], [2 * share, 0, 2]))
+    (part,) = building_supports(sheet, loaded(sheet, ends(sheet, 0, -1)), Z)
+    assert part.kind == kind
+
+
+@pytest.mark.parametrize(("lean", "is_beside"), [(0.8, True), (1.3, False)])
+def test_a_part_stands_beside_an_edge_that_is_steeper_than_three_to_one(lean, is_beside):
+    """The ends of a wall of 3 m lean outwards in its plane."""
+    wall = CASES["wall"].surface
+    V = wall.V + np.outer(lean * np.sign(wall.V[:, 0]) * (wall.V[:, 2] + 1.5) / 3, [1, 0, 0])
+    leaning = Surface(V, wall.F)
+    held = np.abs(wall.V[:, 0]) == wall.V[:, 0].max()
+    parts = building_supports(leaning, loaded(leaning, held), Z)
+    assert [part.outwards.any() for part in parts] == [is_beside] * 2
+
+
+def test_in_a_plan_a_high_and_a_low_edge_have_the_same_length():
+    plan, _ = plan_and_elevation(slab().V, Z)
+    box = np.concatenate([slab(0.0).V, slab(10.0).V])
+    x, _, _ = parallel_view(box, plan, (300, 300), 20.0).page_coordinates(box).T
+    low, high = np.ptp(x[: slab().n]), np.ptp(x[slab().n :])
+    assert low == pytest.approx(high, rel=0.01)
 
 
 @pytest.mark.parametrize(("rise", "kind"), [(0.02, "column"), (1.0, "hanger")])

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,13 +16,14 @@ from dsfab.preset.file import load_preset, with_overrides
 from dsfab.render import PAPER
 from dsfab.report.assembly import assembly_page, assembly_pdf, assembly_steps
 from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, drawn_faces, painted_faces
-from dsfab.report.assembly.bar_pages import bar_row, bar_steps
+from dsfab.report.assembly.bar_pages import bar_on_plate, bar_row, bar_steps
 from dsfab.report.assembly.book import book_pages
+from dsfab.report.assembly.flat_parts import _node_ticks
 from dsfab.report.assembly.overview import refolded_pages, strip_quads
 from dsfab.report.assembly.paper import PAPER_HEIGHT, PAPER_WIDTH, DrawingTransform, PaperBox, usual_scale
 from dsfab.surface import Surface, signed_volume
 from dsfab.thickening import closed_skin
-from dsfab.workshop import FlatPart, Layering, built_shapes, layer_numbers, refolded_plan, workshop_plan
+from dsfab.workshop import FlatPart, Layering, built_shapes, layer_numbers, plate_arms, refolded_plan, workshop_plan
 from dsfab.workshop.bars import bar_body
 from dsfab.workshop.bodies import strip_body
 from tests.browser import browser, opened
@@ -97,6 +99,22 @@ def test_words_are_inside_of_the_page_and_names_of_members_are_not_on_each_other
                 assert x + w <= u or u + p <= x or y + h <= v or v + q <= y, (title, a, b)
 
 
+def test_rows_of_members_do_not_touch_and_eight_or_more_are_on_a_page(pages):
+    """Four lines of words stand beside each member."""
+    families = [words for title, words in pages.items() if title.startswith("Family")]
+    beside = [sorted(y for text, x, y, *_ in words if re.fullmatch(r"[A-Z]\d+", text) and x < 30) for words in families]
+    assert np.concatenate([np.diff(rows) for rows in beside]).min() > 20
+    assert max(map(len, beside)) >= 8
+
+
+def test_the_name_of_a_node_that_would_touch_the_one_before_is_left_out():
+    """Nodes 1.5 mm apart on paper, with names 1.8 mm high."""
+    nodes = [SimpleNamespace(members=("A1", f"B{k}"), at=(1.5 * k, 0.0)) for k in range(3)]
+    plan, paper = SimpleNamespace(graph=SimpleNamespace(nodes_along={"A1": nodes})), Recorder()
+    _node_ticks(paper, plan, SimpleNamespace(id="A1"), (50.0, 50.0), 1.0)
+    assert [text for text, *_ in paper.words if text.startswith("B")] == ["B0", "B2"]
+
+
 @pytest.fixture(scope="module")
 def barred(vault):
     changes = {"workshop.route": "bars", "workshop.stock": [[5.0, 1.25]]}
@@ -137,6 +155,17 @@ def test_bodies_of_bars_are_closed_and_as_large_as_their_drawings(barred):
         assert open_edges(F) == 0
         part = parts[bar.bay.id]
         assert signed_volume(V, F) == pytest.approx(part.size[0] * part.size[1] * barred.thickness, rel=2e-3)
+
+
+def test_on_the_page_of_a_joint_bars_reach_past_the_plate(barred):
+    lattice, parts = barred.bars.bar_lattice, {part.id: part for part in barred.parts}
+    joint = lattice.joints[0]
+    from_end = {lattice.bars[k].bay.id: side == 1 for k, side in joint.bars}
+    for arm in plate_arms(joint, lattice, barred.bars.stock):
+        if arm.bar in from_end:
+            tip = bar_on_plate(parts[arm.bar], arm, from_end[arm.bar])
+            reach = np.linalg.norm(tip - arm.point(0.0, 0.0), axis=1).max()
+            assert 1.25 * arm.end < reach < 1.8 * arm.end
 
 
 def test_the_file_is_a_pdf_with_all_pages_and_the_same_bytes_twice(plan, vault, pages):

@@ -99,6 +99,14 @@ def test_a_point_outside_the_solid_is_refused(tmp_path):
         solid.interpolation(np.array([[0.1, 0.1, 0.005], [0.1, 0.1, 0.05]]), 0.01)
 
 
+def test_a_point_off_the_solid_by_half_a_tetrahedron_is_refused_however_far_it_may_lie(tmp_path):
+    """The plate is 10 mm thick, and so are its tetrahedra."""
+    solid = model(tmp_path, PLATE, 0.04)
+    solid.interpolation(np.array([[0.1, 0.1, 0.0105]]), 1.0)
+    with pytest.raises(StaticsError, match="outside of the file's solid"):
+        solid.interpolation(np.array([[0.1, 0.1, 0.015]]), 1.0)
+
+
 def test_a_solid_that_is_not_held_is_refused(tmp_path):
     solid = model(tmp_path, PLATE, 0.04)
     force = solid.interpolation(np.array([[0.1, 0.1, 0.005]]), 0.01).T @ np.array([0, 0, 1.0])

@@ -1,10 +1,13 @@
 """Who makes which run: stages are made once for all that share them, however many workers there are."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import pytest
 
-from dsfab.study.sweeps.scheduler import Rows
+from dsfab.core.errors import DsfabError
+from dsfab.study.sweeps import scheduler
+from dsfab.study.sweeps.scheduler import Progress, Rows, conduct
 from dsfab.study.variations import signature, stage_order
 
 
@@ -62,3 +65,14 @@ def test_lost_runs_and_rows_of_lost_workers_go_to_other_workers():
     rest = [rows.take("b") for _ in range(5)]
     assert sorted([first, *rest]) == [1, 2, 3, 4, 5, 6]
     assert rows.take("b") is None
+
+
+def test_a_sweep_without_workers_waits_ten_minutes_and_then_ends(monkeypatch):
+    """By a clock that only sleep moves on, by a minute at a time."""
+    slept = []
+    clock = SimpleNamespace(monotonic=lambda: 60.0 * len(slept), sleep=slept.append)
+    monkeypatch.setattr(scheduler, "time", clock)
+    crew = SimpleNamespace(workers=list)
+    with pytest.raises(DsfabError, match="start workers and give the command again"):
+        conduct(None, crew, {1: {}}, None, progress=Progress(1, 0, 0))
+    assert 9 <= len(slept) <= 12

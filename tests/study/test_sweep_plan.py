@@ -111,6 +111,7 @@ def test_paths_start_at_the_files_folder(tmp_path):
     [
         ({"from": 4, "to": 24, "count": 6}, [4, 8, 12, 16, 20, 24]),
         ({"from": 0, "to": 1, "count": 3}, [0.0, 0.5, 1.0]),
+        ({"from": 0.0, "to": 2.0, "count": 4}, [0.0, 0.666667, 1.33333, 2.0]),
         ({"from": 1, "to": 1000, "count": 4, "log": True}, [1, 10, 100, 1000]),
         ({"from": 0.1, "to": 10, "count": 3, "log": True}, [0.1, 1.0, 10.0]),
         ({"from": 2.0, "to": 3.0, "count": 1}, [2.0]),

@@ -12,7 +12,7 @@ from dsfab.core.errors import StaticsError
 from dsfab.statics import PAPER, REPORTED, USES, Aid, Elements, Quantity, elements_of, tolerance_of
 from dsfab.surface import Surface
 from dsfab.verification import PAIRS, TESTS, choose, series, verify
-from dsfab.verification.problems import MESHES, octasphere
+from dsfab.verification.problems import MESHES, is_at, octasphere
 
 BEST, SIX_NODES = elements_of("displacement"), elements_of("six_nodes")
 
@@ -159,6 +159,10 @@ def test_meshes_have_the_areas_of_their_shapes():
         plate = TESTS["plate_clamped"].problem(6, mesh).surface
         assert plate.area == pytest.approx(1)
         assert (plate.normals[:, 2] > 0).all()
+
+
+def test_coordinates_of_a_mesh_are_equal_up_to_rounding():
+    assert is_at(np.array([0.3 + 1e-12, 0.3 + 1e-7]), 0.3).tolist() == [True, False]
 
 
 def test_rows_tell_coarse_from_off_and_from_not_run():

@@ -1,6 +1,8 @@
 """Upright planks: closed forms, drawings bent back into space, and bodies that go into each other's slots."""
 
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import ezdxf
 import manifold3d
@@ -19,8 +21,8 @@ from dsfab.workshop import refolded_plan, workshop_plan
 from dsfab.workshop.bodies import strip_body
 from dsfab.workshop.files import part_drawing
 from dsfab.workshop.plan import WorkshopPlan
-from dsfab.workshop.planks import PlankStock, plank_courses, plank_plan, standing_order
-from dsfab.workshop.planks.slots import SLIDE_ANGLE, largest_deviation, slot_width
+from dsfab.workshop.planks import PlankStock, plank_courses, plank_plan, slots, standing_order
+from dsfab.workshop.planks.slots import SLIDE_ANGLE, largest_deviation, plank_crossings, slot_width
 from tests.analytic import SURFACES
 from tests.designs import sliced
 
@@ -97,6 +99,16 @@ def test_a_slot_widens_with_the_lean_of_the_assembly_direction():
     one, two = crossing.ways
     lower, upper = crossing.slot_leans(crossing.normal + 0.1 * one - 0.2 * two)
     assert (lower, upper) == (pytest.approx(0.1), pytest.approx(0.2))
+
+
+def test_planks_that_meet_at_under_thirty_degrees_get_no_slot(monkeypatch):
+    """As the angle of each node says."""
+    monkeypatch.setattr(slots, "_crossing", lambda node, *given: node)
+    graph = graph_of("hypar")
+    two = [node for node in graph.nodes if node.kind == "crossing"][:2]
+    nodes = [replace(node, angle=angle) for node, angle in zip(two, (25.0, 35.0), strict=True)]
+    found = plank_crossings(SimpleNamespace(nodes=nodes, by_id=graph.by_id), dict.fromkeys(graph.by_id))
+    assert (found.sharp_nodes, found.crossings) == ([two[0].id], [two[1].id])
 
 
 def fitted_circle(P):

@@ -11,7 +11,7 @@ from dsfab.members import Member, MemberAxis, MemberGraph
 from dsfab.workshop import Layering, is_strip
 from dsfab.workshop.development import Development, member_course
 from dsfab.workshop.planks import PlankStock, plank_plan
-from dsfab.workshop.strips import strip_parts
+from dsfab.workshop.strips import calm_stations, strip_parts
 from tests.analytic import SURFACES, WIDTH
 from tests.shapes import grid
 from tests.workshop.unrolled_strips import Bent, ReadPart, graph_of
@@ -56,6 +56,27 @@ def test_a_strip_that_curls_at_its_end_is_built_up_to_the_curl():
     straight = hook(0.0)
     assert is_strip(straight)
     assert member_course(graph, straight, 0.1, 0.1).end == 6
+
+
+def test_chords_of_an_outline_are_at_most_three_hundredths_of_a_millimetre_off_its_arcs():
+    """A strip .2 m wide along a circle of 1 m, whose stations are 50 mm apart."""
+    s = np.linspace(0, 3, 61)
+    P, T = np.stack([np.sin(s), 1 - np.cos(s), 0 * s], axis=1), np.stack([np.cos(s), np.sin(s), 0 * s], axis=1)
+    axis = MemberAxis(s, P, T, np.tile([0.0, 0.0, 1.0], (61, 1)), 1 + 0 * s, 0 * s, 0 * s, False, s, 0.0)
+    member = Member("A1", "strip", "major", 0, 1, np.arange(1), 0.6, axis, np.full((61, 2), 0.1), ("free", "free"))
+    graph = MemberGraph(SimpleNamespace(surface=grid(1, 1, 1.0, 1.0)), np.zeros(2, int), (member,), ())
+    outline = Development(member_course(graph, member, 0.1, 0.1), 0.0).outline(0.5, 2.5)
+    edge = outline[: len(outline) // 2]
+    middle, radius = fitted_circle(edge)
+    assert radius == pytest.approx(1.1, abs=0.01)
+    off = radius - np.linalg.norm((edge[1:] + edge[:-1]) / 2 - middle, axis=1)
+    assert 1e-5 < np.median(off) < 3e-5
+
+
+def test_the_curvature_of_a_strip_is_read_one_and_a_half_widths_from_its_ends():
+    member = hook(0.0)
+    s = member.curve.s[calm_stations(member)]
+    assert (s[0], s[-1]) == pytest.approx((0.3, 5.7), abs=0.05)
 
 
 @pytest.mark.parametrize(("member", "stopped"), [(hook(0.2, 5.85), ["A1"]), (hook(0.0), [])])

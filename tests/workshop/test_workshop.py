@@ -3,6 +3,7 @@
 import csv
 import io
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -73,6 +74,19 @@ def test_parts_on_sheets_keep_the_gap_whatever_their_bends_and_need_no_more_shee
     assert sorted(one.part.id for sheet in sheets for one in sheet.parts) == sorted(part.id for part in parts)
     assert least_gap(sheets) >= gap - 1e-9
     assert len(sheets) <= shelves(parts, STOCK[0], gap)
+
+
+def test_a_part_may_be_longer_than_its_sheet_by_a_rounding_error_only():
+    assert len(nest_parts([bowed("A1", 2.5 - 2 * GAP + 1e-10, 0.5, 0.0)], STOCK, GAP)) == 1
+    with pytest.raises(PatternError, match="fits on no sheet of the stock"):
+        nest_parts([bowed("A1", 2.5 - 2 * GAP + 1e-7, 0.5, 0.0)], STOCK, GAP)
+
+
+@pytest.mark.parametrize(("off", "corners"), [(1e-5, 4), (4e-5, 5)])
+def test_drawings_leave_out_corners_a_fiftieth_of_a_millimetre_off_a_line(off, corners):
+    outline = np.array([[0.0, 0.0], [0.5, -off], [1.0, 0.0], [1.0, 0.2], [0.0, 0.2]])
+    (drawn_outline,) = FlatPart("A1", "A1", (0.0, 1.0), outline).contours
+    assert len(drawn_outline) == corners
 
 
 def test_strips_of_one_bend_lie_in_each_other_exactly_a_gap_apart():
@@ -187,6 +201,14 @@ def test_splices_of_a_vault_share_few_covers_whose_holes_fit_their_pieces(vault,
     assert any(f"{len(alike.equal_parts)} shapes" in note for note in alike.notes)
     assert refolded_plan(alike).deviations.max() < 2 * 5e-4
     test_covers_have_the_holes_of_their_pieces(alike)
+
+
+def test_a_note_says_how_few_shapes_parts_have_if_five_millimetres_do_not_count(plan):
+    (note,) = (note for note in plan.notes if "workshop.alike" in note)
+    words = r"\d+ parts of (\d+) shapes; workshop.alike = (\S+) makes them (\d+) or fewer"
+    shapes, distance, fewer = re.fullmatch(words, note).groups()
+    assert (int(shapes), float(distance)) == (len(plan.equal_parts), 0.005)
+    assert int(fewer) < int(shapes)
 
 
 def test_covers_have_the_holes_of_their_pieces(plan):
