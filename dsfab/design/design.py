@@ -150,7 +150,7 @@ class Design:
 
     @classmethod
     def from_results(cls, preset: Preset, log: Log | None = None, **results: Any) -> "Design":
-        """Return a design with existing results; their keywords are attributes of Design.
+        """Return a design with existing results. The keywords of the results are the names of Design's attributes.
         log : receives the times and notes of the stages that are computed later."""
         return cls(preset, log or Log(None), StageResults(results))
 
@@ -374,7 +374,7 @@ class Design:
 
     @property
     def file(self) -> FileRecord | None:
-        """Record of the data in the surface file that was read, repaired or left out; None without a file."""
+        """Record of the surface file: which data were read, repaired or left out. None without a file."""
         return self._log.file
 
     @property

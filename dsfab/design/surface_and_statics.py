@@ -271,7 +271,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
-        is_python_mesh = isinstance(preset.surface, MeshSurface)  # it has no key surface.unit
+        is_python_mesh = isinstance(preset.surface, MeshSurface)  # without a key surface.unit
         python_unit, file_unit = 'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,', "surface.unit (mm, m, ...)"
         unit = python_unit if is_python_mesh else file_unit
         raise SurfaceError(f"{message}, which is impossible; check {unit} and statics.thickness (metres)")
@@ -364,7 +364,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
 
 def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     """Return the surface before it is cut along regions.
-    If [surface] requests it, edges are shorter where the stress changes, which a solve on equal triangles shows."""
+    If [surface] requests it, edges are shorter where the stress changes; a solve on equal triangles shows where."""
     section = preset.surface
     if not isinstance(section, OwnSurface):
         return section.build()

@@ -266,7 +266,7 @@ else:
 
 
 def plain(value: Any) -> Any:
-    """Return supports, loads, pickers and similar objects as tables, which are checked like those of a preset file."""
+    """Return supports, loads, pickers and similar objects as tables. They are checked like tables of a preset file."""
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):

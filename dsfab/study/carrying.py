@@ -66,7 +66,7 @@ class MemberUse:
 
 @dataclass(frozen=True)
 class Movement:
-    """The largest movement (m) with its place. span : metres, to compare it with. about : description of the span."""
+    """The largest movement (m) with its place. span : length (m) for comparison. about : description of the span."""
 
     value: float
     place: Place
@@ -339,8 +339,8 @@ def _movement(statics: CutStatics) -> Movement:
 
 def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
     """Return the span (m) with which movements are compared, and its description.
-    The span is twice the largest distance of a vertex from the supports, measured at right angles to the load. The
-    distance in space is used instead if it is longer than this span, as for a column under its load."""
+    The span is twice the largest distance of a vertex from the supports, measured at right angles to the load. If the
+    direct distance in space is longer than this span, as for a column under its load, the direct distance is used."""
     net, V, parts = load.force.sum(axis=0), surface.V, load.parts
     if parts is not None and (parts.point.any() or parts.bare.any() or parts.covered.any()):
         net = net - surface.areas @ parts.weight
@@ -391,7 +391,7 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
     preset, surface = statics.preset, statics.design.surface
     supports = acting_on(preset, surface).support
     shares = support_shares(supports, surface, statics.design.sheet)
-    # a sheet in the xy plane stands upright, with y upwards
+    # a flat sheet in the xy plane counts as a wall, with y upwards
     up = 1 if flat_axis(statics.model.surface, *statics.loads.values()) == 2 else 2
     along, across = (axis for axis in (0, 1, 2) if axis != up)
     rows = []

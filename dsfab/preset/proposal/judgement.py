@@ -38,7 +38,7 @@ LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
 EDGE = 0.5  # Fraction of the score that a reading loses if all edges are supported.
-UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that name no unit.
+UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that do not name it.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of the logarithm.
 LEAST, DOUBT = 0.02, 0.25  # Smallest scores of plausible readings, and of readings without doubt.
 CLOSE = 0.75  # Smallest ratio of a score to the best score for a question to the user.
@@ -63,7 +63,7 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return a reading with its score, 0 if the sheet could move freely. usual : factor on the score for its axis."""
+    """Return a reading with its score; 0 if the sheet could move freely. usual : score factor of its vertical axis."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -128,7 +128,7 @@ def _forces(shape: Shape, kind: str, thick: float) -> Floats:
 
 
 def _upward(reading: SupportReading, surface: Surface, rows: Bools, reaction: Floats) -> Floats:
-    """Return the upward reaction at each support, newtons; a supported vertex belongs to the nearest one."""
+    """Return the upward reaction at each support, newtons. A supported vertex belongs to the nearest support."""
     points = np.concatenate([place.points for place in reading.places])
     owner = np.repeat(np.arange(len(reading.places)), [len(place.points) for place in reading.places])
     nearest = owner[cKDTree(points).query(surface.V[rows])[1]]
@@ -192,7 +192,7 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two readings with nearly the best score; of another vertical axis only the best reading."""
+        """At most two readings with nearly the best score. Another vertical axis gives only its best reading."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]

@@ -74,7 +74,7 @@ def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
 
 
 def drawn_feet(marks: Mapping[str, Marks]) -> tuple[SupportPlace, ...]:
-    """Return the marks on layer `support` as one support; nothing if there are none."""
+    """Return the marks on layer `support` as one support. Return nothing if this layer has no marks."""
     if "support" not in marks:
         return ()
     layer_marks = marks["support"]

@@ -126,7 +126,7 @@ class Edge:
     def corners(self, arm: float) -> list[int]:
         """Return the points of a closed edge where its direction changes most, by at least `CORNER`. There is no corner
         where the edge is straight in plan, as on a folded roof.
-        arm : length (m) on each side of a point that gives the direction."""
+        arm : length (m) of edge before and after a point, between whose directions the angle is measured."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
         before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points
         long = lengths(before) * lengths(after) + 1e-12
@@ -270,7 +270,7 @@ class Shape:
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:
-        """Return the vertices (k, 3) that are nearest in plan to points (j, 2); points beside the sheet have none."""
+        """Return the vertices (k, 3) that are nearest in plan to points (j, 2), without points beside the sheet."""
         away, vertex = (np.atleast_1d(values) for values in cKDTree(self.surface.V[:, :2]).query(plan))
         return np.asarray(self.surface.V[vertex[away < 0.05 * self.width]])
 
@@ -285,7 +285,7 @@ class Shape:
 
     @cached_property
     def heads(self) -> list[Edge]:
-        """Small edges from which the sheet rises, unlike at openings: column heads."""
+        """Column heads: small edges from which the sheet rises. At openings, it does not rise."""
         return [edge for edge in self.small if self.neck(edge)[2] > NECK]
 
     @cached_property

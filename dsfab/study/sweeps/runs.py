@@ -245,7 +245,7 @@ class Store:
         return count
 
     def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
-        """Set runs in these states (by default, of an interrupted session) to waiting. Return their number."""
+        """Set runs in these states to waiting; default: the runs of an interrupted session. Return their number."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
@@ -321,7 +321,7 @@ FEWEST, PER_AXIS = 12, 4
 """Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. The number of
 evaluations has no influence, so that a search can be extended."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
-"""Smallest costs of runs that miss constraints, failed, or were not made; nearer to a limit costs less [Deb 2000]."""
+"""Smallest costs of runs that miss constraints, failed, or were not made. A smaller miss costs less [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
 """Function that makes the proposed runs that are missing, and returns all runs by `digest`."""
 

@@ -65,7 +65,7 @@ def on_mesh(
     mesh. So the load is the same on every mesh. It is no point force, because the displacement under a point force
     does not converge. A load on a face spreads evenly over the material of this face."""
     F, areas = sheet.surface.F, sheet.surface.areas
-    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum of the corners
+    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum over the corners
     mass = np.asarray(hats.T @ areas)
     material = np.bincount(sheet.parent, areas)
     cases, spreads = {}, {}
@@ -84,8 +84,8 @@ PARABOLIC_SHEAR = 6 / 5  # energy factor of a parabola of shear stress over the 
 class RibSoftening(NamedTuple):
     """Effects that make a solid softer than a thin sheet, as compliances divided by that of the thin sheet.
     torsion : additional compliance if ribs twist as bars; inf if the second solve fails.
-    shear   : compliance by transverse shear, 6 q^2 / (5 G h) per square metre. The shear force q is a mean of faces
-              within half a thickness.
+    shear   : compliance by transverse shear, 6 q^2 / (5 G h) per square metre. q: shear force, averaged over faces
+              within half a thickness. G: shear modulus. h: thickness.
     bending : compliance by bending, times the square root of thickness / mean rib width."""
 
     torsion: float
