@@ -231,7 +231,7 @@ class CoveringLoads:
         """Return forces (m, 3), N, on the carrying faces, if possible with the moment of the load on each opening."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
-        # a face may carry parts of several openings
+        # a face may carry loads of several openings
         pair, pair_index = np.unique(
             np.stack([self.opening[loaded_faces], self.to[loaded_faces]]), axis=1, return_inverse=True
         )

@@ -45,7 +45,7 @@ from dsfab.surface import SizeField, Surface, change_sizes, coincident, parallel
 @dataclass(frozen=True, eq=False)
 class SolvedSheet:
     """Solution of a sheet for all loads, by one factorisation.
-    acting    : cases and combinations.       plane : True for a flat sheet in its plane, without bending.
+    acting    : cases and combinations.       plane : True for a flat sheet that is loaded in its plane.
     made      : (N, N) stiffness, N/m, by the elements that solved the sheet.
     factor_of : function that factorises a stiffness, and stores the factor.
     answers   : equilibrium under each load.    sigma : (m, 3, 3) stress (Pa) of the middle surface under each load."""

@@ -268,7 +268,7 @@ class Width(Section):
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
     """Share of the surface that stays material, with keep and rim; dsfab scales the widths to it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
-    """Largest error of solid_fraction if the share jumps because ends of members appear or vanish; a note states it."""
+    """Largest error of solid_fraction if the share jumps because ends of members appear or vanish. A note states it."""
 
     @model_validator(mode="after")
     def _check_widths(self) -> "Width":
@@ -459,8 +459,7 @@ class Thickening(Section):
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
     """Refuse a solid that would have less than this share of its thickness where the surface is sharply curved."""
     side: Side = "mid"
-    """Position of the solid. mid: around the surface. out: on the side of its normals, or outside. in: opposite to
-    out."""
+    """Side of the surface for the solid. mid: both sides. out: side of the normals, or outside. in: the other side."""
     strict: bool = False
     """Refuse a solid whose faces still intersect after all repairs. false: only report the place."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()

@@ -45,7 +45,7 @@ class Competitor:
     area_fraction   : area divided by the area of the surface.       mass : kg.
     thickness       : metres.       pieces : number of the sheet's pieces.
     judgement       : result of the judge; None if there is an error.
-    loose           : share of the material that reaches no support. The sheet does not contain it.
+    loose           : share of the material that reaches no support; this material is not part of the sheet.
     smallest_member : width of the narrowest member, metres; None if it cannot be measured.
     spread          : statistics of the variants; None for a single variant.
     seconds_made    : time to make all variants.     seconds : time to make and judge all variants.
@@ -207,7 +207,7 @@ def design_alternatives(design: Design) -> tuple[Alternative, ...]:
 def alternatives(
     task: ComparisonTask, structure: Structure, names: Sequence[str] = tuple(ALTERNATIVE_WORDS)
 ) -> tuple[Alternative, ...]:
-    """Return the alternatives `names` to a structure, each with the mass of the task's design."""
+    """Return the alternatives with these names to a structure. Each has the mass of the task's design."""
     makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
     return tuple(makers[name](task, structure) for name in names)
 
@@ -222,7 +222,7 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare a structure with a thinner sheet of the same mass, by one solve each.
+    """Compare a structure with a thinner sheet of the same mass. Each is solved once.
     If the error bounds leave open which one is stiffer, more accurate solves follow."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)

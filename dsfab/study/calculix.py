@@ -106,7 +106,7 @@ THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # shares of a vertex force: node below
 class WedgeModel:
     """A solid with its supports and forces.
     fixed    : (q, 2) pairs of a held node and a held direction (0 to 2).
-    opposite : (r, 3) pairs of nodes that move by opposite amounts in a direction. So the sheet can rotate.
+    opposite : (r, 3) two nodes and a direction in which they move by opposite amounts, so that the sheet can rotate.
     force    : (p, 3) newtons at the nodes."""
 
     solid: Wedges

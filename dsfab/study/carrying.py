@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 Place = tuple[float, float, float]
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
 BUCKLED_CASES = 3
-"""Number of cases and combinations for which buckling is computed, those with the largest compression. The number is
+"""Number of cases and combinations for which buckling is computed: those with the largest compression. The number is
 limited because each buckling analysis takes as long as a solve."""
 NARROW_RIB = 3.0
 """Smallest ratio of mean rib width to thickness. In a narrower rib, a shell twists too stiffly: a solid bar has
@@ -406,8 +406,8 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
 
 
 def support_shares(supports: Iterable[Support], surface: Surface, sheet: Sheet) -> Floats:
-    """Return the share (s, n', 3) of each of s supports in the reaction at each of n' vertices of a cut sheet.
-    Supports that hold the same direction of a vertex have equal shares."""
+    """Return the share (s, n', 3) of each of s supports in the reaction at each of the n' vertices of a cut sheet.
+    Supports that hold a vertex in the same direction have equal shares."""
     marks = np.array([_held_directions(support, surface, sheet) for support in supports])
     return np.asarray(marks / np.maximum(marks.sum(axis=0), 1))
 

@@ -160,7 +160,7 @@ def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
 
 ATTEMPTS = 8  # largest number of changes of a design; each takes a whole run
 MARGIN = 1.02  # requested width divided by the limit: above 1 because slicing may narrow a member slightly
-COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor by which frequencies are lowered at a time
+COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor that lowers frequencies in one change
 
 
 @dataclass(frozen=True, eq=False)

@@ -241,7 +241,7 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # number of modes to pair; modes with equal eigenvalues have no fixed order
+MODES = 3  # number of modes for pairs; with equal eigenvalues, any of them may be the first
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
 PHASES = (0.0, 0.25, 0.5, 0.75)  # phases, in periods, of the variants without modes
 

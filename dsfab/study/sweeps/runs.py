@@ -149,7 +149,7 @@ class RunRow:
 
 
 class Store:
-    """The database of a sweep folder, for `with Store.open(folder) as store`.
+    """The database of a sweep folder; to be used as `with Store.open(folder) as store`.
     Every method raises DsfabError if the disk is full or the file cannot be used."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
@@ -323,7 +323,7 @@ evaluations has no influence, so that a search can be extended."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
 """Smallest costs of runs that miss constraints, failed, or were not made. A smaller miss costs less [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Function that makes the proposed runs that are missing, and returns all runs by `digest`."""
+"""Function that makes those proposed runs that are missing, and returns all proposed runs by `digest`."""
 
 
 def search(plan: Plan, make: Make) -> None:

@@ -159,7 +159,7 @@ class Workers(Protocol):
 
 
 class OneWorker:
-    """A set of workers of which only the first one works; the others are stopped, so that it has the whole memory."""
+    """A set of workers in which only the first one works. The others are stopped, so that it has the whole memory."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew

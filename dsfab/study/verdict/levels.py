@@ -141,7 +141,7 @@ def theory_share(soft: RibSoftening) -> float:
 
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
 """Elements (membrane and bending) of a verdict, and a second pair whose errors mostly have the opposite sign."""
-QUICK_ELEMENTS = elements_of("compliance_once")  # for one solve (quick)
+QUICK_ELEMENTS = elements_of("compliance_once")  # elements for one solve (quick)
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
