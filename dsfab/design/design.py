@@ -266,7 +266,7 @@ class Design:
         return rough if rough and same_followed_stress(rough.statics, self.statics) else None
 
     def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
-        """Return a design with an approximate pattern, for a first picture; it takes a tenth of the time.
+        """Return a design with an approximate pattern, for a first picture; it takes a tenth of the usual time.
         modes   : False to leave out the modes if stripes are evenly spaced.
         answers : True for accurate stress and energy, False for values by fast elements.
         Return None if no approximate widths give the requested share of material.

@@ -340,7 +340,7 @@ def _redrawn_lines(
 
 
 def _spacing_errors(surface: Surface, divided: "_DividedFamilies", spacings: list[float]) -> Floats:
-    """Return the logarithm of actual divided by requested lines per metre, the mean of each family (2,)."""
+    """Return for each family (2,) the mean logarithm of actual lines per metre divided by requested lines per metre."""
     mean = surface.vertex_areas @ divided.density / surface.area
     return np.asarray(np.log(mean * np.array(spacings)))
 

@@ -131,7 +131,7 @@ def beam_model(
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
     """Return the beam model of a cut sheet with its members, under the loads of these cases.
-    If a case was split, combinations have all of its parts. Raises StaticsError if no member has an axis."""
+    If a case was split, combinations contain all of its parts. Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
     section = preset.statics

@@ -282,7 +282,7 @@ def _width_variants(width: Width) -> dict[str, Width]:
 
 
 NEAR_BEST = 0.1
-"""Candidates are built and solved again by accurate elements if their compliance exceeds the best by less than 10 %.
+"""Candidates are built and solved again by accurate elements if their compliance is less than 10 % above the smallest.
 Trials are too inexact to decide between such candidates."""
 
 

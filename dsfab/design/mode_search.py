@@ -162,7 +162,7 @@ def stressed_step(
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the choice, in which the modes and phases that are stiffest with stressed widths now come first.
+    """Return the choice, sorted again: modes and phases that are stiffest with stressed widths come first.
     Stressed widths are computed for the best three pairs of modes and for the lowest pair."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
@@ -256,7 +256,7 @@ GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
 TOGETHER = ((1, 1), (-1, -1))  # Changes of both phases, in steps.
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of one or both phases.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
-"""Each later round: the number of best pairs of modes to change, the step of their phases (periods), the changes."""
+"""Later rounds: the number of best pairs of modes to change, the step of phases (periods), and the changes to try."""
 CONNECTED_SHARE = 0.98
 """Smallest share of the material in the largest supported piece. Designs below it come last in the search."""
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases of both families.

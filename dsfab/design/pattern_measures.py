@@ -96,7 +96,7 @@ def _sheet_quality(
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
     """Return the quality of a family, with only those dead ends that remain in the cut sheet. An end that continues as
-    a member of the other family does not remain.
+    a member of the other family is no dead end.
     reach      : metres; an end was removed if no material is within this distance.
     half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]

@@ -258,7 +258,7 @@ def nearest_faces(surface: Surface, marked: Bools) -> Ints:
 
 
 def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
-    """Return neighbouring faces (k,), (k,), and the distances (k,), m, of their centres through the edge's middle."""
+    """Return pairs of neighbouring faces (k,), (k,), and the distances (k,), m, of their centres across the edge."""
     edges = surface.edges
     face, edge = edges.order // 3, edges.of.ravel()[edges.order]
     pairs = np.flatnonzero(edge[1:] == edge[:-1])

@@ -97,7 +97,7 @@ UNREPORTED = 2 * SHARE_TOLERANCE  # Largest error of the solid fraction that dsf
 
 
 class _ShareTrial(NamedTuple):
-    """Shares of the surface: requested from stripes (`aim`), added by finishing, and their measured sum; stripes."""
+    """A trial: shares of the surface requested from stripes (`aim`), added by finishing, and in total; the stripes."""
 
     aim: float
     added: float
@@ -368,10 +368,10 @@ def _layers_with_share(
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
     """Return layers that cover the requested share, and their width factor. `factor` decides which openings close.
-    solve : function that finds the x of the requested share. It gets a function that returns the share at x * `factor`.
+    solve : function that finds the number x with the requested share. Its argument returns the share at x * `factor`.
 
-    The search repeats with slightly more or fewer closed openings in two cases. The share may jump because an opening
-    closes. Or the final width factor is over 2.5 times larger or smaller than `factor`."""
+    The search repeats with slightly more or fewer closed openings in two cases: the share jumps because an opening
+    closes, or the final width factor is over 2.5 times larger or smaller than `factor`."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)

@@ -262,7 +262,7 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
 """Range of the surface's size divided by the thickness. Other values raise an error: a unit must be wrong."""
-USUAL_SLENDERNESS = (10.0, 5e3)  # Range of the same ratio outside of which there is a note.
+USUAL_SLENDERNESS = (10.0, 5e3)  # Range of this ratio (size / thickness) without a note.
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
@@ -271,7 +271,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
-        is_python_mesh = isinstance(preset.surface, MeshSurface)  # without a key surface.unit
+        is_python_mesh = isinstance(preset.surface, MeshSurface)  # a mesh from Python has no key surface.unit
         python_unit, file_unit = 'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,', "surface.unit (mm, m, ...)"
         unit = python_unit if is_python_mesh else file_unit
         raise SurfaceError(f"{message}, which is impossible; check {unit} and statics.thickness (metres)")

@@ -314,7 +314,7 @@ class Pattern(Section):
     constant and graded it also compares these rules, graded with half of q, and stressed widths. If the preset sets no
     spacing, auto compares several spacings."""
     halve: bool = True
-    """For stripes: where they come too close together, every second one ends on a crossing member. false: none ends."""
+    """For stripes: where lines are too close together, every second one ends on a crossing member. false: none ends."""
     families: Literal["both", "major", "minor"] = "both"
     """Families of stripes. A single family has no crossings and no halving; only rim and keep connect its members."""
     symmetry: Literal["auto", "none"] = "auto"

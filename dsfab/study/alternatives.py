@@ -49,7 +49,7 @@ class Competitor:
     smallest_member : width of the narrowest member, metres; None if it cannot be measured.
     spread          : statistics of the variants; None for a single variant.
     seconds_made    : time to make all variants.     seconds : time to make and judge all variants.
-    structure       : the judged structure, or a single variant that failed under the loads."""
+    structure       : the judged structure. A single variant is also kept if it failed under the loads."""
 
     name: str
     variant: str = ""
@@ -193,7 +193,7 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return a design's alternatives. The fastest solve that shows which of the two is stiffer compares each with it.
+    """Return a design's alternatives. Each comparison uses the fastest solve that shows which one is stiffer.
     Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:

@@ -49,8 +49,8 @@ BUCKLED_CASES = 3
 """Number of cases and combinations for which buckling is computed: those with the largest compression. The number is
 limited because each buckling analysis takes as long as a solve."""
 NARROW_RIB = 3.0
-"""Smallest ratio of mean rib width to thickness. In a narrower rib, a shell twists too stiffly: a solid bar has
-less than 0.8 times its torsional stiffness (`torsion_share`)."""
+"""Smallest ratio of mean rib width to thickness. In a narrower rib, a shell twists too stiffly: the solid bar has
+less than 0.8 times the torsional stiffness of the shell (`torsion_share`)."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class Carrying:
 class CutStatics:
     """The cut sheet of a design with a thickness (m), its loads, and results for each case and combination.
     answers : solutions by elements that are accurate enough for reports.
-    stiffness : K of the elements for buckling, without springs.     factor_of : stored factorisations of K."""
+    stiffness : stiffness by the elements for buckling, without springs.     factor_of : its stored factorisations."""
 
     design: Design
     thickness: float
@@ -164,7 +164,7 @@ class CutStatics:
 
 def carrying(design: Design) -> Carrying:
     """Return the verdict on the cut sheet of a design; the design stores the result.
-    A structure that does not stand gives a verdict, no error. Raises the DsfabError of a stage that fails."""
+    A structure that does not stand gets a verdict, not an error. Raises the DsfabError of a stage that fails."""
     return design.cached_result("slicing", "carrying", lambda: _carrying(design))
 
 
@@ -294,7 +294,7 @@ def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
     factors, surface, sections = _factors(statics.design), statics.model.surface, {}
     linear = next(iter(statics.answers.values())).elements.bending == "hhj"
     make = partial(ShearRecovery.for_surface, surface, linear=linear)
-    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # shared by all thicknesses
+    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # the same for all thicknesses
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)

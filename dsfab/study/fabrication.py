@@ -165,7 +165,7 @@ COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor that lowers frequen
 
 @dataclass(frozen=True, eq=False)
 class FixedDesign:
-    """A design within its limits, its measures, and the changed keys with their old and new values."""
+    """A design that meets its limits, its measures, and the changed keys with their old and new values."""
 
     design: Design
     made: FabricationMeasures
@@ -233,7 +233,7 @@ def _fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, A
 
 
 def spacing_changes(design: Design, factor: float) -> dict[str, Any]:
-    """Return preset keys, such as pattern.major.spacing, with the values that multiply the spacing by `factor`."""
+    """Return new values of preset keys, such as pattern.major.spacing, which multiply the spacing by `factor`."""
     pattern, changes = design.preset.pattern, dict[str, Any]()
     for name, family in zip(pattern.family_names, pattern.drawn_families, strict=True):
         if family.spacing or design.pattern.even:

@@ -22,7 +22,7 @@ REACH, REACH_UP = 3.0, 6.0
 """Range of tried thicknesses: from the first guess divided by `REACH` to the guess times `REACH_UP`."""
 OWN_CUTS = 2  # Largest number of designs that are cut again for their own thickness.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
-MORE, MOST = 1.3, 0.75  # Factor on the share of material to get more of it, and its largest value.
+MORE, MOST = 1.3, 0.75  # Factor that increases the share of material, and largest share.
 CLOSER = 0.75  # Factor on the spacing of members if more material does not suffice.
 
 
@@ -132,10 +132,10 @@ def guessed_preset(preset: Preset) -> Preset:
 
 
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
-    """Return the design with the thinnest sheet that meets the targets of [sizing], up to slicing.
+    """Return the design with the thinnest sheet that meets the targets of [sizing]. Its last stage is slicing.
 
     One cut sheet is solved at two thicknesses, which gives the results for all thicknesses. The thinnest sufficient
-    thickness gets its own cut, which is solved again; the next ones follow if necessary.
+    thickness gets its own cut, which is solved again. If it does not suffice, the next thicknesses follow.
     If no thickness suffices, the pattern gets more material, then also a smaller spacing. If this does not help, the
     result is the design that comes nearest to the targets.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""

@@ -76,7 +76,7 @@ def stage_of(key: str) -> int:
 
 
 def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the changed values of each stage as a text. Two runs share all stages before the first different text."""
+    """Return a text for each stage with its changed values. Two runs share all stages before the first unequal text."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
         section = key.split(".")[0]

@@ -146,7 +146,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) whose normal must be reversed for a smooth seam, with at most half of each face's outline."""
+    """Return faces (m,) whose normal must be reversed so that the seam has at most half of each face's outline."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)

@@ -39,10 +39,10 @@ TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
 EDGE = 0.5  # Fraction of the score that a reading loses if all edges are supported.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that do not name it.
-BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of the logarithm.
+BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of its logarithm.
 LEAST, DOUBT = 0.02, 0.25  # Smallest scores of plausible readings, and of readings without doubt.
-CLOSE = 0.75  # Smallest ratio of a score to the best score for a question to the user.
-OPEN = 0.13  # Smallest probability of the second unit for a question to the user.
+CLOSE = 0.75  # dsfab asks the user if a score is at least this share of the best score.
+OPEN = 0.13  # dsfab asks the user if the second unit has at least this probability.
 UNDER = 0.7  # Factor on the scores of surfaces that reach below the ground (z = 0).
 
 

@@ -125,7 +125,7 @@ def _edge_place(edge: Edge) -> SupportPlace:
 
 
 def _whole(shape: Shape, edges: Sequence[Edge], name: str) -> tuple[SupportPlace, ...]:
-    """Return places for whole edges, with the number of the edge if the lengths of all others differ by over 5 %."""
+    """Return whole edges as places. A place gets the number of its edge if all other lengths differ by over 5 %."""
     places = []
     for edge in edges:
         rivals = [rival for rival in shape.edges if abs(rival.length / edge.length - 1) < 0.05]
@@ -148,7 +148,7 @@ def _edge_form(shape: Shape) -> float:
 
 
 def _walls(shape: Shape) -> Iterator[SupportReading]:
-    """Yield walls below a level outer edge together with columns inside, if there are column heads."""
+    """Yield walls below a level outer edge, together with columns inside. There must be column heads inside."""
     if shape.heads and (form := _edge_form(shape)) > WALLS:
         places = (
             *_whole(shape, shape.outer, "wall"),
@@ -158,7 +158,7 @@ def _walls(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _masts(shape: Shape) -> list[Edge]:
-    """Return the small upper edges of a tent, whose outer edge curves inwards between corners. Else return none."""
+    """Return the small upper edges of a tent with an outer edge that curves inwards; none for other shapes."""
     is_tent = 3 <= len(shape.corners) <= 8 and is_scalloped(shape.edges[0], shape.corners)
     return [edge for edge in shape.small if is_tent and shape.neck(edge)[2] < -2 * NECK]
 

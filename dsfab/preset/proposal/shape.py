@@ -119,7 +119,7 @@ class Edge:
                 continue
             profiles = [np.maximum.accumulate(np.roll(z, -top)[::sign][: n // 2 - 1]) for sign in (1, -1)]
             least = np.sort(np.concatenate(profiles))[min(int(np.ceil(shortest / step)), n - 3)]
-            level = max(z[top] + RISE * height, least) + 1e-4 * height  # so that equal heights on both sides count
+            level = max(z[top] + RISE * height, least) + 1e-4 * height  # 1e-4: equal heights on both sides count
             after, before = (int((profile <= level).sum()) for profile in profiles)
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
@@ -209,7 +209,7 @@ class Shape:
 
     @cached_property
     def sides(self) -> list[Edge]:
-        """The four sides of a surface with four corners, first and third the short ones; else empty."""
+        """The four sides of a surface with four corners; the first and the third are the short ones. Else empty."""
         if len(self.corners) != 4:
             return []
         c = self.corners
@@ -290,7 +290,7 @@ class Shape:
 
     @cached_property
     def lugs(self) -> list[Edge]:
-        """Small edges from which the sheet may hang, each at the top of a slender neck. Wide ones are skylights."""
+        """Small edges from which the sheet may hang, each at the top of a slender neck. Wide edges are skylights."""
         return [edge for edge in self.small if self.neck(edge)[2] < -NECK and self.slenderness(edge) > LUG]
 
     @cached_property

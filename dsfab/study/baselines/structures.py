@@ -168,9 +168,9 @@ def thinner(task: ComparisonTask) -> list[Variant]:
     return [Variant("", partial(Structure.uncut, task.surface, task.share * task.preset.statics.thickness))]
 
 
-SAME_MASS = 1e-3  # largest relative difference of equal masses
+SAME_MASS = 1e-3  # masses count as equal up to this relative difference
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
-"""Function of a task, a share of the surface and its tolerance; it returns layers whose material covers this share."""
+"""Function that returns layers whose material covers a share of the surface. Arguments: task, share, tolerance."""
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
@@ -247,7 +247,7 @@ PHASES = (0.0, 0.25, 0.5, 0.75)  # phases, in periods, of the variants without m
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress: a preset with equal widths, pairs of modes, and a function for these modes."""
+    """Stripes that ignore the stress: a preset with equal widths, pairs of modes, and a function for the modes."""
 
     preset: Preset
     pairs: list[tuple[int, int]]

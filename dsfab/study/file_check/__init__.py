@@ -34,7 +34,7 @@ __all__ = [
 
 Progress = Callable[[str, str], None]
 TOO_THIN, TOO_THICK = 1e-4, 10.0  # if the thinnest wall (m) lies outside of this range, the unit is wrong
-AGREES, DIFFERS = 0.05, 0.15  # difference of compliance: below the first, they agree; above the second, they differ
+AGREES, DIFFERS = 0.05, 0.15  # differences of compliance: solid and shell agree below 5 %, and differ above 15 %
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def check_contents(
     progress: Progress | None = None,
 ) -> FileCheck:
     """Check the contents of a file like `check_file`.
-    contents : for a comparison with a design, read with the deflection `deflection_for(preset)`.
+    contents : contents of the file. A comparison with a design needs the deflection `deflection_for(preset)`.
     unit_given : True if the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
@@ -163,7 +163,7 @@ def _unit_finding(
 
 
 def _cut_finding(contents: FileContents) -> Finding:
-    """Check that OCCT can cut the solid of a STEP file in half. It may fail for a sound solid."""
+    """Check that OCCT can cut the solid of a STEP file in half. OCCT may fail even if the solid is sound."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "shape.bin"  # the binary file loads faster than STEP
         path.write_bytes(contents.shape)

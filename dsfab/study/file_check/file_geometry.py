@@ -123,7 +123,7 @@ def _join_vertices(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
     return points, F[is_proper], int((~is_proper).sum())
 
 
-FLAT = 64 * float(np.finfo(np.float32).eps)  # flatter triangles get no normal: height divided by the mesh's size
+FLAT = 64 * float(np.finfo(np.float32).eps)  # triangles flatter than this get no normal: height / mesh size
 PARALLEL = float(np.cos(np.radians(3)))  # cosine of an angle; faces at a larger angle form a tip or a notch
 
 

@@ -50,7 +50,7 @@ def missing_packages() -> str:
 
 
 def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
-    """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
+    """Fill the solid of a file with tetrahedra. Their edges on its surface are at most `edge` metres long.
     gmsh meshes STEP files itself. Other files keep their triangles, but long edges are halved.
     Raises StaticsError if gmsh fails, takes too long, or changes the volume."""
     volume = Surface(contents.V, contents.F).volume
@@ -92,7 +92,7 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # barycentric coordinates of a point may be negative down to minus this value
+OUTSIDE = 0.25  # points may lie slightly outside: barycentric coordinates down to minus this value
 LARGEST = 1_200_000  # limit on the number of unknowns
 
 

@@ -1,4 +1,4 @@
-"""Load at which a design buckles or snaps through, with large displacements, by CalculiX."""
+"""Load at which a design buckles or snaps through, computed by CalculiX with large displacements."""
 
 from dataclasses import dataclass, replace
 
@@ -121,7 +121,7 @@ def solid_check(
     shape = mode / np.linalg.norm(mode, axis=1).max()
     shape *= np.sign((shape * model.force).sum()) or 1.0  # so that the imperfection has the direction of the loads
     middle = model.solid.columns[:, 2]
-    watched = middle[:: -(-len(middle) // 1000)]  # at most 1000 vertices
+    watched = middle[:: -(-len(middle) // 1000)]  # watch at most 1000 vertices
     largest_factor = 1.2 * linear
     progress("nonlinear", f"loads up to {largest_factor:.3g} times theirs, with large displacements")
     start = model.solid.nodes + imperfection * shape

@@ -254,7 +254,7 @@ class LocalWorkers:
 
 @contextmanager
 def quiet_start() -> Iterator[None]:
-    """Return a context in which new processes get one thread each and ignore Ctrl-C, which the coordinator handles."""
+    """Return a context. In it, new processes get one thread each and ignore Ctrl-C, which the coordinator handles."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     in_main_thread = threading.current_thread() is threading.main_thread()

@@ -103,8 +103,8 @@ REENTRANT_ANGLE = np.radians(30)  # a corner is reentrant if its angle exceeds 1
 @dataclass(frozen=True)
 class Extreme:
     """Largest `value` of a quantity, its `place` (m), and the value that 99 % of the area does not exceed (`quantile`).
-    away : largest stress farther than a rib's width from corners, where the stress grows with each refinement. None for
-           other quantities, or if no face is so far away."""
+    away : largest stress at places more than a rib's width from corners; at corners, stress grows with each refinement.
+           None for other quantities, or if no face is so far away."""
 
     value: float
     place: tuple[float, float, float]

@@ -35,7 +35,7 @@ from dsfab.surface import LoadCase, Surface
 
 
 class Shares(NamedTuple):
-    """Forces of a load on a cut sheet, newtons, by places on the uncut surface. They do not depend on the cut mesh.
+    """Forces of a load on a cut sheet, newtons, assigned to places on the uncut surface. Cut meshes do not change them.
     vertices : (n, 3) forces on the material around each vertex of the uncut surface.
     faces    : (p, 3) forces on the material in each uncut face, up to the last face with material."""
 
@@ -44,7 +44,7 @@ class Shares(NamedTuple):
 
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
-    """Return the forces of each load by places on the uncut surface.
+    """Return the forces of each load, assigned to places on the uncut surface.
     loads : loads on the sheet. A force inside an uncut face is divided between the vertices of this face."""
     areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
@@ -58,11 +58,11 @@ def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
 def on_mesh(
     surface: Surface, sheet: Sheet, uncut_loads: Mapping[str, LoadCase], forces: Mapping[str, Shares]
 ) -> tuple[dict[str, LoadCase], dict[str, SpreadLoad]]:
-    """Return supports and loads on any mesh of a sheet of the uncut surface.
+    """Return supports and loads for any mesh of a sheet that was cut from the uncut surface.
     uncut_loads : supports and loads on the uncut surface.    forces : `shares` of these loads.
 
     The force of a vertex spreads over the material around it, in proportion to the linear shape function of the uncut
-    mesh. So the load is the same on every mesh. It is no point force, because the displacement under a point force
+    mesh. So the load is the same on every mesh. It is not a point force, because the displacement under a point force
     does not converge. A load on a face spreads evenly over the material of this face."""
     F, areas = sheet.surface.F, sheet.surface.areas
     hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum over the corners
