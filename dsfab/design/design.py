@@ -129,7 +129,7 @@ class Design:
 
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
-        """Return a design. It shares the results of `earlier` from the stages before the first different section.
+        """Return a design. It shares results of `earlier` from the stages before the first section that differs.
         Raises PresetError if `preset` is not a preset, or if its thickness is 'auto'."""
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))

@@ -190,7 +190,7 @@ def _keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, 
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the symmetry of the selected images, and their number; None and 1 if they do not form a larger group."""
+    """Return the symmetry of the selected images, and their number; None and 1 if they form no group of two or more."""
     R = symmetry.R[selected]
     maps = tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):

@@ -169,7 +169,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) of vertices where families exchange names; none if there are guides or images differ."""
+    """Return a mask (n,) of vertices where families exchange names; none with guides or if symmetric images differ."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)

@@ -299,7 +299,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
-    """Return the sort key. Three digits make mirror images equal; of these, lower modes and phases come first."""
+    """Return the sort key. Rounding makes mirror images equal; among these, lower modes and phases come first."""
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 

@@ -166,7 +166,7 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
 
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
-    """Return stripes with approximate widths, for a first picture; this takes a tenth of the time.
+    """Return stripes with approximate widths, for a first picture; this takes a tenth of the usual time.
     Corners are not rounded, and openings not filled. Raises PatternError if no width gives the requested share."""
     candidate = chosen.way
     return sketched_step(candidate.preset, analysis, candidate.choice, candidate.grading, candidate.even)

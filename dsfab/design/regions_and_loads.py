@@ -36,7 +36,7 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest difference of a region or guide from its symmetric image, divided by its area; mesh edges cause some."""
+"""Largest difference of a region or guide from its symmetric image, divided by its area. Uneven edges cause a part."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:

@@ -165,8 +165,8 @@ def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
 EXACT = 1e-9  # Difference up to which shares count as equal.
 COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Factors on the approximate widths. These widths decide which openings close because members are too near. Smaller
-factors close fewer openings."""
+"""Factors on the approximate widths. These widths decide which openings close because members are too near to each
+other. Smaller factors close fewer openings."""
 SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that measure shares.
 
 
@@ -368,7 +368,7 @@ def _layers_with_share(
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
     """Return layers that cover the requested share, and their width factor. `factor` decides which openings close.
-    solve : function that finds the number x with the requested share. Its argument returns the share at x * `factor`.
+    solve : function that finds x for the requested share. Its argument is a function: the share at x * `factor`.
 
     The search repeats with slightly more or fewer closed openings in two cases: the share jumps because an opening
     closes, or the final width factor is over 2.5 times larger or smaller than `factor`."""

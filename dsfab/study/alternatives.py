@@ -164,7 +164,7 @@ class Alternative:
 
     @property
     def sentence(self) -> str:
-        """Sentence for the user: this alternative is stiffer than the design, by a factor."""
+        """Sentence that states by which factor this alternative is stiffer than the design."""
         which = f"{ALTERNATIVE_WORDS[self.name]} of the same mass"
         if not np.isfinite(self.over):
             return f"this design does not carry its loads, and {which} does"
@@ -207,7 +207,7 @@ def design_alternatives(design: Design) -> tuple[Alternative, ...]:
 def alternatives(
     task: ComparisonTask, structure: Structure, names: Sequence[str] = tuple(ALTERNATIVE_WORDS)
 ) -> tuple[Alternative, ...]:
-    """Return the alternatives with these names to a structure. Each has the mass of the task's design."""
+    """Return the named alternatives to a structure. Each has the mass of the task's design."""
     makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
     return tuple(makers[name](task, structure) for name in names)
 

@@ -138,7 +138,7 @@ class Carrying:
 class CutStatics:
     """The cut sheet of a design with a thickness (m), its loads, and results for each case and combination.
     answers : solutions by elements that are accurate enough for reports.
-    stiffness : stiffness by the elements for buckling, without springs.     factor_of : its stored factorisations."""
+    stiffness : matrix by the elements for buckling, without springs.     factor_of : its stored factorisations."""
 
     design: Design
     thickness: float

@@ -296,7 +296,7 @@ def _can_be_cut(design: Design) -> bool:
 
 
 def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
-    """Return a judge: cut sheets go to the judge `cut`, and uncut sheets of each thickness once to `whole_judge`."""
+    """Return a judge. It uses `cut` for cut sheets. For uncut sheets it uses `whole_judge`, once for each thickness."""
     judgements: dict[float, Judgement] = {}
 
     def judge(task: ComparisonTask, structure: Structure) -> Judgement:

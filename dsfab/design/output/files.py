@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 class OpenedSurface(NamedTuple):
     """A one-sided surface, such as a Moebius strip, after a cut along a seam.
-    given   : surface before the cut, with n vertices and m faces.    turned : (m,) mask of faces to be reversed.
+    given   : surface before the cut, with n vertices and m faces.    turned : (m,) mask of reversed faces.
     surface : surface after the cut, with more vertices (n') and the same faces in the same order.
     twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam."""
 
@@ -52,7 +52,7 @@ class OpenedSurface(NamedTuple):
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet cut along the seam, with its cells in the same order, and pairs (k, 2) of half-edges there."""
+        """Return a sheet cut along the seam, with the same order of cells, and pairs (k, 2) of half-edges at it."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)

@@ -40,7 +40,7 @@ LIMIT = 1 / 300  # Largest usual movement, divided by the span.
 EDGE = 0.5  # Fraction of the score that a reading loses if all edges are supported.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that do not name it.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of its logarithm.
-LEAST, DOUBT = 0.02, 0.25  # Smallest scores of plausible readings, and of readings without doubt.
+LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible reading, and of one without doubt.
 CLOSE = 0.75  # dsfab asks the user if a score is at least this share of the best score.
 OPEN = 0.13  # dsfab asks the user if the second unit has at least this probability.
 UNDER = 0.7  # Factor on the scores of surfaces that reach below the ground (z = 0).
@@ -226,7 +226,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
             shapes[up] = Shape(Surface(shapes[up].surface.V * metres_per(units[up][0][0]), coarse.F))
         z = shapes[up].surface.V[:, 2]
         factor *= UNDER if z.min() < -0.2 * np.ptp(z) else 1.0
-        factor *= usual[up] / max(usual.values())  # an axis with which the unit would be rare is less probable
+        factor *= usual[up] / max(usual.values())  # an axis is less probable if it makes the unit unusual
         candidates += [(factor, up, reading) for reading in _readings(shapes[up], stand)]
     if not candidates:
         raise PresetError(_no_word(stand, [reading for shape in shapes.values() for reading in readings(shape)]))

@@ -126,7 +126,7 @@ class Edge:
     def corners(self, arm: float) -> list[int]:
         """Return the points of a closed edge where its direction changes most, by at least `CORNER`. There is no corner
         where the edge is straight in plan, as on a folded roof.
-        arm : length (m) of edge before and after a point, between whose directions the angle is measured."""
+        arm : length (m) of the edge before and after a point. The angle between these two parts is measured."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
         before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points
         long = lengths(before) * lengths(after) + 1e-12

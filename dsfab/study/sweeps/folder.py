@@ -173,7 +173,7 @@ class SweepFolder:
         return cls(path, plan, base_preset(plan))
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
-        """Return the data that all runs need. ship_mesh : True to add the mesh file for workers that lack it."""
+        """Return the data that all runs need. ship_mesh : True to add the mesh file, which workers may not find."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan

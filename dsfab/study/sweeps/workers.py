@@ -159,7 +159,7 @@ class Workers(Protocol):
 
 
 class OneWorker:
-    """A set of workers in which only the first one works. The others are stopped, so that it has the whole memory."""
+    """A set of workers in which only the first one works. It has the whole memory, because the others are stopped."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew

@@ -80,8 +80,8 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
 
     Two meshes: half of the step is added to the last value, and the bound is the whole step. Three meshes: the value is
     extrapolated by the ratio of the steps, and the bound is the extrapolated part. If the steps have opposite signs or
-    do not clearly decrease, the value is that of the finest mesh, and the bound is twice the last step or twice the
-    larger step. The bound covers only errors of the mesh."""
+    do not clearly decrease, the value is that of the finest mesh, and the bound is twice the larger step, or twice the
+    last step if the steps decrease. The bound covers only errors of the mesh."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]

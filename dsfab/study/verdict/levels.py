@@ -35,7 +35,7 @@ from dsfab.surface import LoadCase, Surface
 
 
 class Shares(NamedTuple):
-    """Forces of a load on a cut sheet, newtons, assigned to places on the uncut surface. Cut meshes do not change them.
+    """Forces of a load on a cut sheet, newtons, assigned to places on the uncut surface; the same for every cut mesh.
     vertices : (n, 3) forces on the material around each vertex of the uncut surface.
     faces    : (p, 3) forces on the material in each uncut face, up to the last face with material."""
 
@@ -124,7 +124,7 @@ def rib_softening(
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
     """Return the matrix (m, m) that averages vectors of faces over all faces within `reach` metres, weighted by area.
-    Vectors of faces whose normals are opposite change their sign."""
+    Vectors change their sign between faces with opposite normals."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
