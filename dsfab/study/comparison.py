@@ -235,7 +235,7 @@ class Checks:
 
     def judge(self, depth: str, every: bool = False) -> Judge:
         """Return the judge for a depth: quick, full or whole.
-        depth : "whole" is full for uncut sheets, which have coarse meshes, and quick for cut sheets.
+        depth : "whole" means full for uncut sheets, which have coarse meshes, and quick for cut sheets.
         every : True to judge all cases; else only those that the pattern follows."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))

@@ -225,7 +225,7 @@ class Store:
         return str(rows[0][0]) if rows else None
 
     def describe(self, texts: Mapping[str, str]) -> None:
-        """Record texts about the sweep, by key."""
+        """Record texts about the sweep under their keys."""
         with self._change() as db:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
 
@@ -318,8 +318,8 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 
 FEWEST, PER_AXIS = 12, 4
-"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. The number of
-evaluations has no influence, so that a search can be extended."""
+"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. It does not depend on
+the number of evaluations, so that a search can be extended."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
 """Smallest costs of runs that miss constraints, failed, or were not made. A smaller miss costs less [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]

@@ -183,7 +183,7 @@ def level(
     pairs: tuple[Elements, ...] = (MAIN_ELEMENTS, SPREAD_ELEMENTS),
     ribs: bool = False,
 ) -> Level:
-    """Solve the sheet on one mesh, under loads on the same supports.
+    """Solve the sheet on one mesh, under loads that have the same supports.
     ribs : True to add a second solve in which ribs twist as bars, see `RibSoftening`.
     Raises StaticsError if a solve fails."""
     start = time.perf_counter()
