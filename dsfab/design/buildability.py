@@ -1,4 +1,4 @@
-"""Objections to a design that its statics show before the surface is cut."""
+"""Objections to a design. Its statics show them before the surface is cut."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple

@@ -129,7 +129,7 @@ class Design:
 
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
-        """Return a design. It shares the results of `earlier` from the stages before the first different section.
+        """Return a design. It shares results of `earlier` from the stages before the first section that differs.
         Raises PresetError if `preset` is not a preset, or if its thickness is 'auto'."""
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
@@ -150,7 +150,7 @@ class Design:
 
     @classmethod
     def from_results(cls, preset: Preset, log: Log | None = None, **results: Any) -> "Design":
-        """Return a design with existing results; their keywords are attributes of Design.
+        """Return a design with existing results. The keywords of the results are the names of Design's attributes.
         log : receives the times and notes of the stages that are computed later."""
         return cls(preset, log or Log(None), StageResults(results))
 
@@ -266,7 +266,7 @@ class Design:
         return rough if rough and same_followed_stress(rough.statics, self.statics) else None
 
     def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
-        """Return a design with an approximate pattern, for a first picture; it takes a tenth of the time.
+        """Return a design with an approximate pattern, for a first picture; it takes a tenth of the usual time.
         modes   : False to leave out the modes if stripes are evenly spaced.
         answers : True for accurate stress and energy, False for values by fast elements.
         Return None if no approximate widths give the requested share of material.
@@ -374,7 +374,7 @@ class Design:
 
     @property
     def file(self) -> FileRecord | None:
-        """Record of the data in the surface file that was read, repaired or left out; None without a file."""
+        """Record of the surface file: which data were read, repaired or left out. None without a file."""
         return self._log.file
 
     @property

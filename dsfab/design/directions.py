@@ -36,7 +36,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return axes, the rows (3, 3), which fix signs and bases of modes; they depend only on loads and supports."""
+    """Return three axes, rows (3, 3), that fix signs and bases of modes. They depend only on loads and supports."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -61,7 +61,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
             f"modes are symmetric ({', '.join(options.symmetry)}, {symmetry.order} images), with an error of "
             f"{asymmetry:.1g} of their size on this mesh",
         )
-    # 3.2 sqrt(r) triangles from side to side suffice for errors below 10 %
+    # for errors below 10 %, 3.2 sqrt(r) mesh edges from side to side of the surface suffice
     edge = np.sqrt(surface.area) / (3.2 * np.sqrt(options.r))
     if surface.mean_edge > edge:
         log.note(
@@ -117,7 +117,7 @@ class Steering:
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return how clear the direction is on each face (m,), 0 to 1. stress : (m,) the same without guides."""
+        """Return how clear the direction is on each face (m,), 0 to 1. stress : (m,) these values without guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
@@ -191,7 +191,7 @@ def keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, .
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the symmetry of the selected images, and their number; None and 1 if they are no group of two or more."""
+    """Return the symmetry of the selected images, and their number; None and 1 if they form no group of two or more."""
     R = symmetry.R[selected]
     maps = tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):

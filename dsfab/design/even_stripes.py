@@ -40,12 +40,12 @@ from dsfab.statics import varying_thickness
 from dsfab.surface import Surface, link_components
 
 SLOPES = (0.6, 1.6)
-"""Limits of a phase's gradient, divided by its wanted value; only faces around singular points exceed them."""
+"""Range of a phase's gradient divided by its wanted value. Only faces around singular points are outside of it."""
 
 
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
-    """The lines of one family, where its phase is a whole number. Each halving ends every second line.
+    """The lines of one family: curves on which its phase is a whole number. Each halving ends every second line.
     most  : largest number of halvings.
     wish  : (m,) wanted number of halvings on each face, 0 to `most`.
     free  : (m,) wanted number of halvings on each face, without limits.
@@ -89,7 +89,7 @@ class StripeDirections:
         steer = replace(steering(preset.pattern, frames, symmetry, min(spacings)), loops=loops)
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
-        length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow faster changes
+        length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow changes over shorter lengths
         along, over = stripe_directions(preset.pattern, frames, stress, steer, images, length)
         steer = steer.with_loops(frames, stress)
         confidence = steer.confidence(surface, stress.confidence(surface.areas))
@@ -169,7 +169,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) of vertices where the families exchange names; none with guides, or if images differ."""
+    """Return a mask (n,) of vertices where families exchange names; none with guides or if symmetric images differ."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -209,7 +209,7 @@ class FamilyCourse:
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**halvings)  # closed curves keep a whole number of lines
+        coarse = Flow(frames, self.g, finest / 2**halvings)  # so each closed curve crosses a whole number of lines
         locked_to_guides, aim = guide_phases(self.members, frames, self.g, coarse.density)
         lock = locked_to_guides | boundary_lines(surface, self.g, spacing)
         conditions = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
@@ -235,7 +235,7 @@ def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Float
 
 
 def no_lines(surface: Surface, spacing: float) -> FamilyLines:
-    """Return a family without lines: all faces count as singular."""
+    """Return a family without lines. All of its faces are marked as singular."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
@@ -340,7 +340,7 @@ def _redrawn_lines(
 
 
 def _spacing_errors(surface: Surface, divided: "_DividedFamilies", spacings: list[float]) -> Floats:
-    """Return the logarithm of actual divided by requested lines per metre, the mean of each family (2,)."""
+    """Return for each family (2,) the mean logarithm of actual lines per metre divided by requested lines per metre."""
     mean = surface.vertex_areas @ divided.density / surface.area
     return np.asarray(np.log(mean * np.array(spacings)))
 

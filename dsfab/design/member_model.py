@@ -131,7 +131,7 @@ def beam_model(
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
     """Return the beam model of a cut sheet with its members, under the loads of these cases.
-    If a case was split, combinations have all of its parts. Raises StaticsError if no member has an axis."""
+    If a case was split, combinations contain all of its parts. Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
     section = preset.statics
@@ -168,8 +168,8 @@ def beam_agreement(
 def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
-    """Return the results for a sheet whose ribs have the torsional stiffness of a sheet, and of a sheet with that of
-    bars. The results are equal if the sheet is loaded in its plane, or if its ribs are too narrow for bars."""
+    """Return two results: for ribs with the torsional stiffness of a sheet, and for ribs with that of bars. They are
+    equal if the sheet is loaded in its plane, or if its ribs are too narrow for bars."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:

@@ -162,7 +162,7 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
-    """Return a candidate. If filled openings would form a solid plate, try `uncrowded_changes` of [pattern] and return
+    """Return a candidate. If its filled openings form a solid plate, try `uncrowded_changes` of [pattern], and return
     the best candidate.
     draw : function that returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
@@ -282,7 +282,7 @@ def _width_variants(width: Width) -> dict[str, Width]:
 
 
 NEAR_BEST = 0.1
-"""Candidates are built and solved again by accurate elements if their compliance exceeds the best by less than 10 %.
+"""Candidates are built and solved again by accurate elements if their compliance is less than 10 % above the smallest.
 Trials are too inexact to decide between such candidates."""
 
 
@@ -312,8 +312,8 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return the candidates. If the best ones are nearly equal, up to four of them are built and solved again. The very
-    best is built last, so that slicing can continue from its trial cut."""
+    """Return the candidates. If the best ones are nearly equal, up to four of them are built and solved again. The
+    best of all is built last, so that slicing can continue from its trial cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]

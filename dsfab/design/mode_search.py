@@ -136,7 +136,7 @@ LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
 
 
 class WidthStep(NamedTuple):
-    """One step: compliance (J) times share of the surface (`worth`), its half-widths, and those for the next step."""
+    """A step: compliance (J) times share of the surface (`worth`), half-widths, and half-widths for the next step."""
 
     worth: float
     grading: Floats
@@ -162,7 +162,7 @@ def stressed_step(
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the choice, in which the modes and phases that are stiffest with stressed widths now come first.
+    """Return the choice, sorted again: modes and phases that are stiffest with stressed widths come first.
     Stressed widths are computed for the best three pairs of modes and for the lowest pair."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
@@ -222,7 +222,7 @@ class StressedTrial(Trial):
         carrying = self.carrying(layers)
         options = self.preset.pattern
         requested = options.width.solid_fraction
-        if options.forces == "optimal":  # `_share` counts ends that are removed later
+        if options.forces == "optimal":  # because `_share` includes ends that are removed later
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
@@ -256,9 +256,9 @@ GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
 TOGETHER = ((1, 1), (-1, -1))  # Changes of both phases, in steps.
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of one or both phases.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
-"""Each later round: the number of best pairs of modes to change, the step of their phases (periods), the changes."""
+"""Later rounds: the number of best pairs of modes to change, the step of phases (periods), and the changes to try."""
 CONNECTED_SHARE = 0.98
-"""Smallest share of the material in the largest supported piece; designs with less come last."""
+"""Smallest share of the material in the largest supported piece. Designs below it come last in the search."""
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases of both families.
 
 
@@ -299,7 +299,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
-    """Return the sort key. With three digits, mirror images are equal; then lower modes and phases come first."""
+    """Return the sort key. Rounding makes mirror images equal; among these, lower modes and phases come first."""
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 

@@ -68,7 +68,7 @@ def measured_pattern(
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
     steered = design.pattern.even.steered if design.pattern.even else None
-    guided = steered.guided[parent] > 0.1 if steered else None  # guides with less weight do not count
+    guided = steered.guided[parent] > 0.1 if steered else None  # guides with a smaller weight do not count
     columns = followed.stress[parent], followed.direction[parent], confidence[parent]
     quality = pattern_quality(stripes, *columns, guided=guided)
     major, minor = (role.title for role in roles_of_families(design))
@@ -96,7 +96,7 @@ def _sheet_quality(
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
     """Return the quality of a family, with only those dead ends that remain in the cut sheet. An end that continues as
-    a member of the other family does not remain.
+    a member of the other family is no dead end.
     reach      : metres; an end was removed if no material is within this distance.
     half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
@@ -124,7 +124,7 @@ def stripes_on_chart(design: PatternedDesign) -> StripeChart:
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
-    """Return the surface as a chart. Its phases at vertices (n, 2) are z = frequency x + phase, with modes x."""
+    """Return the surface as a chart. Its phases at vertices (n, 2) are frequency times mode x, plus the phase."""
     modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
     x = np.stack([family.mode(number) for family, number in modes], axis=1)
     z = x * np.array(pattern.frequency) + np.array(pattern.phase)
@@ -144,7 +144,7 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return the stresses along both families, and their directions. Stresses of rotated stripes have no sign."""
+    """Return the stresses along both families, and their directions. For rotated stripes, stresses have no sign."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
@@ -218,7 +218,7 @@ def _asymmetric_share(
     uv = np.where(uv.sum(axis=1, keepdims=True) > 1, 1 - uv, uv)
     weights = np.column_stack([1 - uv.sum(axis=1), uv])
     points_from_centre = np.einsum("pc,pcx->px", weights, faces.V[faces.F[face]]) - centre
-    points = [points_from_centre @ R.T + centre for R in symmetry.R]  # R[0] moves nothing
+    points = [points_from_centre @ R.T + centre for R in symmetry.R]  # R[0] is the identity
     is_material = material(np.concatenate(points)).reshape(symmetry.order, -1)
     return float((is_material != is_material[0]).mean(axis=1).max())
 
@@ -232,7 +232,7 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
     """Return the largest group of filled openings with at most `apart` metres between neighbours, or None.
-    samples : number of largest cells of an opening that must be filled if the opening counts as filled."""
+    samples : an opening counts as filled if this number of its largest cells are filled."""
     openings = openings_of(before)
     if openings is None:
         return None

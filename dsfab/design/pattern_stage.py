@@ -25,7 +25,7 @@ from dsfab.surface import LoadParts, Surface
 
 
 def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log) -> EvenStripes:
-    """Return even stripes, computed again `rounds` times with their weight. Raises PatternError as `even_stripes`."""
+    """Return even stripes, computed again `rounds` times with their weight. Raises PatternError like `even_stripes`."""
     log.report("pattern", "finding evenly spaced stripes along the stress")
     surface, statics = analysis.surface, analysis.statics
     even = even_stripes(preset.with_pattern(weight_rounds=0), surface, statics)
@@ -62,7 +62,7 @@ def _follows_own_weight(preset: Preset, statics: StaticsResult) -> bool:
 
 def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) -> Floats:
     """Return the share of each face (m,) that stripes and kept regions cover, averaged over symmetric images.
-    Widths are approximate, and corners are not rounded nor openings filled."""
+    Widths are approximate. Corners are not rounded, and openings are not filled."""
     surface, sketch = analysis.surface, sketched_step(preset, analysis, even=even)
     polygons = tidied_polygons(surface, sketch.fields, sketch.levels, SHARE_SNAP, sketch.tidy)
     area = polygons.cells.areas(polygons.X)[0] * ~polygons.void
@@ -91,8 +91,8 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
     """Return the mean and the 95 % quantile of the angle (degrees) between principal directions of two stresses (m, 3,
-    3). A face has the weight area times difference of its principal stresses `before` in the mean. The quantile by area
-    counts only faces with clear directions."""
+    3). In the mean, the weight of a face is its area times the difference of its principal stresses `before`. The
+    quantile has areas as weights, and counts only faces with clear directions."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
     axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
@@ -166,7 +166,7 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
 
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
-    """Return stripes with approximate widths, for a first picture; this takes a tenth of the time.
+    """Return stripes with approximate widths, for a first picture; this takes a tenth of the usual time.
     Corners are not rounded, and openings not filled. Raises PatternError if no width gives the requested share."""
     candidate = chosen.way
     return sketched_step(candidate.preset, analysis, candidate.choice, candidate.grading, candidate.even)

@@ -36,13 +36,13 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest difference of a region or guide from its symmetric image, as a share of its area (edges are uneven)."""
+"""Largest difference of a region or guide from its symmetric image, divided by its area. Uneven edges cause a part."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     """Return the surface without voids, cut along the outlines of the preset's regions.
-    Raises SurfaceError for a region outside of the surface, and for a support or load inside voids. Raises it, too, if
-    voids separate a piece of the surface from the supports."""
+    Raises SurfaceError for a region outside of the surface, for a support or load inside voids, and for voids that
+    separate a piece of the surface from all supports."""
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
     for k in voids:
@@ -113,7 +113,7 @@ def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges
 
 
 def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
-    """Return a sentence about regions that are not as symmetric as the stripes; '' if there are none."""
+    """Return a sentence about regions that are less symmetric than the stripes; '' if there are none."""
     if symmetry is None:
         return ""
     exceptions = []
@@ -228,10 +228,10 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Return forces (m, 3), N, on the carrying faces; those around an opening also take its moment, if possible."""
+        """Return forces (m, 3), N, on the carrying faces, if possible with the moment of the load on each opening."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
-        # a face may carry parts of several openings
+        # a face may carry loads of several openings
         pair, pair_index = np.unique(
             np.stack([self.opening[loaded_faces], self.to[loaded_faces]]), axis=1, return_inverse=True
         )
@@ -258,7 +258,7 @@ def nearest_faces(surface: Surface, marked: Bools) -> Ints:
 
 
 def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
-    """Return neighbouring faces (k,), (k,), and the distances (k,), m, of their centres through the edge's middle."""
+    """Return pairs of neighbouring faces (k,), (k,), and the distances (k,), m, of their centres across the edge."""
     edges = surface.edges
     face, edge = edges.order // 3, edges.of.ravel()[edges.order]
     pairs = np.flatnonzero(edge[1:] == edge[:-1])
@@ -300,7 +300,7 @@ def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[L
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the `sheet_load` of each load. Raises StaticsError as `sheet_load`, and for a lost load."""
+    """Return the `sheet_load` of each load. Raises StaticsError like `sheet_load`, and for a lost load."""
     if lost := lost_load(surface, material, sheet, loads.values()):
         raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)
@@ -373,7 +373,7 @@ def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
 
 
 def _edges_or_none(edges: Bools) -> Bools | None:
-    """Return a mask of supported edges; None if the load case has none, so that its vertices decide."""
+    """Return a mask of supported edges. None: the load case has no such edges, so its supported vertices count."""
     return edges if len(edges) else None
 
 

@@ -69,7 +69,7 @@ def trial_cut(
 
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
-    """Return a trial cut with bridges, and the share of the surface that they add. A workshop also gets least widths.
+    """Return a trial cut with bridges (in a workshop also least widths), and the share of the surface that they add.
     A bridge is material across a place where rounded members are too close together."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
@@ -250,7 +250,7 @@ def filled_plate(
 ) -> FilledOpenings | None:
     """Return the largest group of filled openings if it forms a plate. Return None if it lies around a small closed
     support.
-    cells : all cells before finishing, and after it."""
+    cells : all cells before finishing, and all cells after it."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
     filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)
@@ -339,7 +339,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
         areas = surface.area, sheet.surface.area
         uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
         message = f"the cut sheet weighs {sheet_weight}, which all its results include"
-        if not preset.pattern.rounds:  # else `stripes_under_own_weight` has noted it
+        if not preset.pattern.rounds:  # otherwise `stripes_under_own_weight` has written this note
             message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):

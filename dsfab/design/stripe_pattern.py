@@ -66,7 +66,7 @@ def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Lay
 
 
 def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
-    """Return the options with which the cut along all layers removes loose ends; None if they stay."""
+    """Return the options with which the cut along all layers removes loose ends; None if loose ends remain."""
     if not preset.pattern.removes_loose_ends:
         return None
     names = [layer.name for layer in layers]
@@ -97,7 +97,7 @@ UNREPORTED = 2 * SHARE_TOLERANCE  # Largest error of the solid fraction that dsf
 
 
 class _ShareTrial(NamedTuple):
-    """Share of the surface requested from stripes (`aim`), share that finishing adds, measured sum, and stripes."""
+    """A trial: shares of the surface requested from stripes (`aim`), added by finishing, and in total; the stripes."""
 
     aim: float
     added: float
@@ -113,7 +113,7 @@ def corrected_pattern(
     bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
     """Return stripes that cover the requested share of the surface after finishing, and the covered share.
-    draw_pattern  : function that draws stripes, for the share that finishing will add, and a guess of the width factor.
+    draw_pattern  : function that draws stripes. It gets the share that finishing will add, and a guessed width factor.
     nearest_share : function that returns the measured share of the latest stripes that is nearest to a target.
     added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
     bridged_share : function that returns the share of added bridges. It is slow, so it runs only once if its result is
@@ -134,7 +134,7 @@ def corrected_pattern(
     def converge(trial: _ShareTrial) -> _ShareTrial:
         for _ in range(3):
             if any(abs(earlier.aim + trial.added - requested) < SHARE_TOLERANCE for earlier in trials):
-                break  # the next trial would be like an earlier one
+                break  # the next trial would repeat an earlier one
             trial = attempt(trial.added, trial.result.factor)
         return trial
 
@@ -164,8 +164,8 @@ def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
 
 COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Factors on the approximate widths that decide which openings close, between members that are too close. Smaller
-factors close fewer openings."""
+"""Factors on the approximate widths. These widths decide which openings close because members are too near to each
+other. Smaller factors close fewer openings."""
 SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that measure shares.
 
 
@@ -279,11 +279,11 @@ def sketched_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern of `pattern_step` with approximate widths: sample points give the shares, in place of cuts."""
+    """Return the pattern of `pattern_step` with approximate widths. Sample points, not cuts, measure the shares."""
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
-    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # about the error of sample points
+    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # 4e-3: error of sample points
     layers, factor = solved_layers(preset, surface, kept_layers, families, search)
     pattern = pattern_result(preset, families, layers)
     return replace(pattern, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, analysis, layers))
@@ -345,11 +345,11 @@ def solved_layers(
         if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
             counted = counted_share(surface, kept_layers, COUNTED)  # approximate widths decide which openings close
         if counted is not None:
-            with suppress(PatternError):  # the final search has a better error message
+            with suppress(PatternError):  # the final search raises a better message
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), requested, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
         jump = width.solid_fraction_tolerance
-        if preset.pattern.families != "both":  # a loose member vanishes as a whole
+        if preset.pattern.families != "both":  # without crossings, loose members vanish as a whole
             spacing = preset.pattern.drawn_families[0].distance(surface.area, surface.mean_edge)
             jump = max(jump, width.solid_fraction * spacing / float(np.sqrt(surface.area)))
 
@@ -367,10 +367,10 @@ def layers_with_share(
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
     """Return layers that cover the requested share, and their width factor. `factor` decides which openings close.
-    solve : function that finds the x of the requested share. It gets a function that returns the share at x * `factor`.
+    solve : function that finds x for the requested share. Its argument is a function: the share at x * `factor`.
 
-    The search repeats with slightly more or fewer closed openings in two cases. The share may jump because an opening
-    closes. Or the final width factor is over 2.5 times larger or smaller than `factor`."""
+    The search repeats with slightly more or fewer closed openings in two cases: the share jumps because an opening
+    closes, or the final width factor is over 2.5 times larger or smaller than `factor`."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)

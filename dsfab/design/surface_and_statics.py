@@ -45,7 +45,7 @@ from dsfab.surface import SizeField, Surface, change_sizes, coincident, parallel
 @dataclass(frozen=True, eq=False)
 class SolvedSheet:
     """Solution of a sheet for all loads, by one factorisation.
-    acting    : cases and combinations.       plane : True for a flat sheet in its plane, without bending.
+    acting    : cases and combinations.       plane : True for a flat sheet that is loaded in its plane.
     made      : (N, N) stiffness, N/m, by the elements that solved the sheet.
     factor_of : function that factorises a stiffness, and stores the factor.
     answers   : equilibrium under each load.    sigma : (m, 3, 3) stress (Pa) of the middle surface under each load."""
@@ -262,7 +262,7 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
 """Range of the surface's size divided by the thickness. Other values raise an error: a unit must be wrong."""
-USUAL_SLENDERNESS = (10.0, 5e3)  # Range of the same ratio outside of which there is a note.
+USUAL_SLENDERNESS = (10.0, 5e3)  # Range of this ratio (size / thickness) without a note.
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
@@ -271,7 +271,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
-        is_python_mesh = isinstance(preset.surface, MeshSurface)  # it has no key surface.unit
+        is_python_mesh = isinstance(preset.surface, MeshSurface)  # a mesh from Python has no key surface.unit
         python_unit, file_unit = 'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,', "surface.unit (mm, m, ...)"
         unit = python_unit if is_python_mesh else file_unit
         raise SurfaceError(f"{message}, which is impossible; check {unit} and statics.thickness (metres)")
@@ -364,7 +364,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
 
 def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     """Return the surface before it is cut along regions.
-    If [surface] requests it, edges are shorter where the stress changes, which a solve on equal triangles shows."""
+    If [surface] requests it, edges are shorter where the stress changes; a solve on equal triangles shows where."""
     section = preset.surface
     if not isinstance(section, OwnSurface):
         return section.build()

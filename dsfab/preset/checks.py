@@ -192,7 +192,7 @@ SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
 
 
 def with_material(values: Any) -> Any:
-    """Return the table [statics] with its material's values for keys that it does not set, if the material is known."""
+    """Return the table [statics]. Its material, if known, gives the values of keys that the table does not set."""
     name = values.get("material") if isinstance(values, Mapping) else None
     if not isinstance(name, str):
         return values
@@ -217,7 +217,7 @@ def own_values(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def drop_material_values(values: Any, changes: Mapping[str, Any]) -> None:
-    """Remove the old material's values from the table [statics] if `changes` (by dotted key) set a new material."""
+    """Remove the old material's values from the table [statics] if `changes` (by dotted key) set another material."""
     if "statics.material" in changes and isinstance(values, dict):
         for key in KEYS:
             if f"statics.{key}" not in changes:

@@ -49,7 +49,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return the preset with new values at dotted keys. Raises PresetError as `load_preset`, or for no preset."""
+    """Return the preset with new values at dotted keys. Raises PresetError like `load_preset`, and without a preset."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # other sections need no checks
@@ -153,7 +153,7 @@ def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys. Remove old values that exclude the new ones, such as a frequency beside a new spacing."""
+    """Set values at dotted keys. Remove old values that exclude the new ones: a new spacing removes the frequency."""
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
         _override(values, key, deepcopy(value))  # a later key must not change the values in `changes`

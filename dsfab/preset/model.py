@@ -119,7 +119,7 @@ class Statics(Section):
 
     @property
     def material_words(self) -> str:
-        """Name of the material, such as 'GL24h', or 'GL24h, but for density' if that is different; '' if unknown."""
+        """Name of the material: 'GL24h', or 'GL24h, but for density' if the density differs; '' if unknown."""
         own_keys = own_values(dict(self))
         return f"{self.material}, but for {', '.join(own_keys)}" if self.material and own_keys else self.material or ""
 
@@ -268,7 +268,7 @@ class Width(Section):
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
     """Share of the surface that stays material, with keep and rim; dsfab scales the widths to it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
-    """Largest error of solid_fraction if the share jumps because ends of members appear or vanish; a note states it."""
+    """Largest error of solid_fraction if the share jumps because ends of members appear or vanish. A note states it."""
 
     @model_validator(mode="after")
     def _check_widths(self) -> "Width":
@@ -314,11 +314,11 @@ class Pattern(Section):
     constant and graded it also compares these rules, graded with half of q, and stressed widths. If the preset sets no
     spacing, auto compares several spacings."""
     halve: bool = True
-    """For stripes: where they come too close together, every second one ends on a crossing member. false: none ends."""
+    """For stripes: where lines are too close together, every second one ends on a crossing member. false: none ends."""
     families: Literal["both", "major", "minor"] = "both"
     """Families of stripes. A single family has no crossings and no halving; only rim and keep connect its members."""
     symmetry: Literal["auto", "none"] = "auto"
-    """For stripes. auto: the pattern has the symmetry of surface, supports and loads. none: it need not have it."""
+    """For stripes. auto: the pattern has the symmetry of surface, supports and loads. none: it may be asymmetric."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
     """For stripes: angle (degrees) from the stress to both families. It is counter-clockwise, seen from the side of the
     normals or from outside of a closed surface. 90 exchanges the families."""
@@ -459,7 +459,7 @@ class Thickening(Section):
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
     """Refuse a solid that would have less than this share of its thickness where the surface is sharply curved."""
     side: Side = "mid"
-    """Position of the solid. mid: around the surface. out: on the side of its normals, or outside. in: opposite."""
+    """Side of the surface for the solid. mid: both sides. out: side of the normals, or outside. in: the other side."""
     strict: bool = False
     """Refuse a solid whose faces still intersect after all repairs. false: only report the place."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
@@ -472,7 +472,7 @@ class Fabrication(Section):
     min_member: Annotated[float, Ge(0)] = 0.0
     """Smallest width of members, metres. 0: only the limit of pattern.workshop is checked."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Smallest width of openings (with pattern.workshop also of their tips), metres. 0: no other check."""
+    """Smallest width of openings (with pattern.workshop also of their tips), metres. 0: no further check."""
     min_wall: Annotated[float, Ge(0)] = 0.0
     """Smallest thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
@@ -635,7 +635,7 @@ class Preset(Section):
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=changes)})
 
     def self_contained(self) -> "Preset":
-        """Return the preset with curves in place of references to drawings. Raises SurfaceError if one is missing."""
+        """Return the preset with curves in place of references to drawings. Raises SurfaceError for a lost drawing."""
         lists = {"surface": ("support", "load"), "pattern": ("guide", "region"), "thickening": ("extra",)}
         changes = dict[str, Any]()
         for name, keys in lists.items():
@@ -646,8 +646,8 @@ class Preset(Section):
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
-        """Return the first stage whose section differs, or None. Return `surface` if the outline of a region differs.
-        Return it, too, if [statics] differs and the stress defines the mesh."""
+        """Return the first stage whose section differs, or None. It is `surface`, too, if the outline of a region
+        differs, or if [statics] differs and the mesh depends on the stress."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

@@ -41,7 +41,7 @@ class Workshop(Section):
     """Length and width of the sheets to cut from, metres; one size or several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()
     """Price of a sheet for each size of the stock, in any currency; the cheapest combination is used. Without prices,
-    that with the smallest area."""
+    the combination with the smallest area is used."""
     thickness: Annotated[float, Ge(0)] = 0.0
     """Thickness of one layer, plank or bar, metres. 0: the thickness in [statics], divided by the number of layers."""
     depth: Annotated[float, Ge(0)] = 0.0

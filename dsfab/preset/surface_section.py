@@ -65,7 +65,7 @@ class Section(BaseModel):
 
 class SurfaceSection(Section):
     """Keys of every surface.
-    Their checks are built on first use, because this takes half of the time to start dsfab."""
+    The checks of the keys are built on first use, because this takes half of the time to start dsfab."""
 
     model_config = ConfigDict(defer_build=True)
 
@@ -266,7 +266,7 @@ else:
 
 
 def plain(value: Any) -> Any:
-    """Return supports, loads, pickers and similar objects as tables, which are checked like those of a preset file."""
+    """Return supports, loads, pickers and similar objects as tables. They are checked like tables of a preset file."""
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
@@ -301,7 +301,7 @@ EXAMPLE = (
 
 
 def missing_preset(thing: Any) -> str:
-    """Return an error message for an object that is not a preset; it names the call that makes a preset of it."""
+    """Return an error message for an object that is not a preset. It names the call that turns it into a preset."""
     if isinstance(thing, str | Path) and Path(thing).suffix in ("", ".toml"):
         return f"{str(thing)!r} is the name of a preset only; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
     names: dict[type, str] = {str: repr(thing), tuple: "(V, F)", list: "[V, F]"}

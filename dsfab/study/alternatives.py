@@ -18,10 +18,10 @@ from dsfab.study.judges import Judge, Judgement, full, quick
 
 @dataclass(frozen=True)
 class Spread:
-    """Statistics of the compliances (J) of all variants of a competitor, each by one solve.
+    """Statistics of the compliances (J) of all variants of a competitor. Each variant is solved once.
     tried, carried : number of variants, and number of variants that carry the loads.
     best, mean, worst : compliances of the variants that carry the loads.
-    median : median of all variants. A variant that does not carry the loads counts as infinite."""
+    median : median of all variants. The compliance of a variant that does not carry the loads counts as infinite."""
 
     tried: int
     carried: int
@@ -45,11 +45,11 @@ class Competitor:
     area_fraction   : area divided by the area of the surface.       mass : kg.
     thickness       : metres.       pieces : number of the sheet's pieces.
     judgement       : result of the judge; None if there is an error.
-    loose           : share of the material that reaches no support. The sheet does not contain it.
+    loose           : share of the material that reaches no support; this material is not part of the sheet.
     smallest_member : width of the narrowest member, metres; None if it cannot be measured.
     spread          : statistics of the variants; None for a single variant.
     seconds_made    : time to make all variants.     seconds : time to make and judge all variants.
-    structure       : the judged structure, or a single variant that failed under the loads."""
+    structure       : the judged structure. A single variant is also kept if it failed under the loads."""
 
     name: str
     variant: str = ""
@@ -72,7 +72,7 @@ class Competitor:
         return self.judgement.compliance if self.judgement else float("inf")
 
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """Return the competitor's row of a table, in SI units; None for unknown values.
+        """Return the competitor's row of a table, in SI units. Unknown values are None.
         full, design : compliances (J) of the full sheet and of the design."""
         columns: dict[str, Any] = {
             "name": self.name,
@@ -137,7 +137,7 @@ ALTERNATIVE_WORDS = {
     "thinner": "a uniformly thinner sheet without openings",
     "isotropic": "the best pair of isotropic stripes",
 }
-"""Description of each alternative for sentences, by the alternative's name."""
+"""Description of each alternative, for use in sentences, by the name of the alternative."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ class Alternative:
 
     @property
     def sentence(self) -> str:
-        """Sentence that this alternative is stiffer than the design, and by which factor."""
+        """Sentence that states by which factor this alternative is stiffer than the design."""
         which = f"{ALTERNATIVE_WORDS[self.name]} of the same mass"
         if not np.isfinite(self.over):
             return f"this design does not carry its loads, and {which} does"
@@ -173,7 +173,7 @@ class Alternative:
         return f"this design {may}: {which} is {self.over:.3g} x as stiff ({self.level}{between})"
 
     def record(self) -> dict[str, Any]:
-        """Return plain values for a file, None for infinite values."""
+        """Return plain values for a file. Infinite values become None."""
         numbers = {"over": self.over, "over_low": self.low, "over_high": self.high}
         finite = {key: x if np.isfinite(x) else None for key, x in numbers.items()}
         verdict = {"design_loses": self.is_stiffer, "level": self.level, "variant": self.variant}
@@ -187,13 +187,13 @@ def losing_line(candidates: Iterable[Alternative]) -> str:
 
 
 def is_searched(preset: Preset) -> bool:
-    """Return True if a search sets part of the pattern: the method, modes, phases, or widths by rule `stressed`."""
+    """Return True if dsfab searches for a part of the pattern: method, modes, phases, or widths by rule `stressed`."""
     pattern = preset.pattern
     return pattern.method == "auto" or pattern.auto or pattern.width.rule == "stressed"
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return a design's alternatives, each compared by the fastest solve that shows which of the two is stiffer.
+    """Return a design's alternatives. Each comparison uses the fastest solve that shows which one is stiffer.
     Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
@@ -207,13 +207,13 @@ def design_alternatives(design: Design) -> tuple[Alternative, ...]:
 def alternatives(
     task: ComparisonTask, structure: Structure, names: Sequence[str] = tuple(ALTERNATIVE_WORDS)
 ) -> tuple[Alternative, ...]:
-    """Return the alternatives `names` to a structure, each with the mass of the task's design."""
+    """Return the named alternatives to a structure. Each has the mass of the task's design."""
     makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
     return tuple(makers[name](task, structure) for name in names)
 
 
 class _BoundedCompliance(NamedTuple):
-    """A compliance (J) with its relative error bound. A structure that fails has an infinite one, and an `error`."""
+    """A compliance (J) with its relative error bound. It is infinite if the structure fails for the reason `error`."""
 
     compliance: float
     bound: float
@@ -222,7 +222,7 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare a structure with a thinner sheet of the same mass, by one solve each.
+    """Compare a structure with a thinner sheet of the same mass. Each is solved once.
     If the error bounds leave open which one is stiffer, more accurate solves follow."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)
@@ -253,7 +253,7 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alterna
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
     failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; the first: {tried[0].refused}")
     rival = min(rivals, key=lambda rival: rival.compliance, default=failed)._replace(bound=0.0)
-    # the two errors have the same sign, so the error of the ratio is at most 10 %
+    # the errors of both compliances have the same sign, so the error of their ratio is at most 10 %
     return _alternative("isotropic", _judged_compliance(quick, task, structure)._replace(bound=0.1), rival, level)
 
 
@@ -265,7 +265,7 @@ def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompl
 
 
 def judged_alternatives(design: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Return the competitors named in `ALTERNATIVE_WORDS` as alternatives, with their judged compliances."""
+    """Return the competitors that are also in `ALTERNATIVE_WORDS` as alternatives, with their judged compliances."""
     design_value, judged = _competitor_compliance(design), []
     for rival in (rival for rival in rivals if rival.name in ALTERNATIVE_WORDS):
         level = f"{rival.judgement.level} check" if rival.judgement else ""

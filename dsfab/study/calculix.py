@@ -19,7 +19,7 @@ from dsfab.surface import LoadCase, Surface
 
 CCX = "ccx"  # CalculiX's solver program
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
-Projection = Callable[[Floats], tuple[Floats, Floats]]  # points -> points on the surface, unit normals
+Projection = Callable[[Floats], tuple[Floats, Floats]]  # points -> their nearest points on the surface, unit normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # shares of a vertex force: node below
 class WedgeModel:
     """A solid with its supports and forces.
     fixed    : (q, 2) pairs of a held node and a held direction (0 to 2).
-    opposite : (r, 3) pairs of nodes that move by opposite amounts in a direction. So the sheet can rotate.
+    opposite : (r, 3) two nodes and a direction in which they move by opposite amounts, so that the sheet can rotate.
     force    : (p, 3) newtons at the nodes."""
 
     solid: Wedges
@@ -175,7 +175,7 @@ class CcxFiles:
         return parsed
 
     def failures(self) -> list[tuple[float, float]]:
-        """Return pairs for the attempts without equilibrium: the time before it, and the attempted time step."""
+        """Return a pair for each attempt that found no equilibrium: the time before it, and its time step."""
         return [(float(start), float(step)) for failed, start, step in ATTEMPT.findall(self.attempts) if failed]
 
 
@@ -294,7 +294,7 @@ def load_path(
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # the same `end` however late CalculiX was stopped
+    path, end = until(files)  # `end` does not depend on the moment when CalculiX was stopped
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:

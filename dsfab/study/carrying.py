@@ -46,11 +46,11 @@ if TYPE_CHECKING:
 Place = tuple[float, float, float]
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
 BUCKLED_CASES = 3
-"""Number of cases and combinations for which buckling is computed, those with the largest compression. The number is
+"""Number of cases and combinations for which buckling is computed: those with the largest compression. The number is
 limited because each buckling analysis takes as long as a solve."""
 NARROW_RIB = 3.0
-"""Smallest ratio of mean rib width to thickness. In a narrower rib, a shell twists too stiffly: a solid bar has
-less than 0.8 times its torsional stiffness (`torsion_share`)."""
+"""Smallest ratio of mean rib width to thickness. In a narrower rib, a shell twists too stiffly: the solid bar has
+less than 0.8 times the torsional stiffness of the shell (`torsion_share`)."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class MemberUse:
 
 @dataclass(frozen=True)
 class Movement:
-    """The largest movement (m) with its place. span : metres, to compare it with. about : description of the span."""
+    """The largest movement (m) with its place. span : length (m) for comparison. about : description of the span."""
 
     value: float
     place: Place
@@ -138,7 +138,7 @@ class Carrying:
 class CutStatics:
     """The cut sheet of a design with a thickness (m), its loads, and results for each case and combination.
     answers : solutions by elements that are accurate enough for reports.
-    stiffness : K of the elements for buckling, without springs.     factor_of : stored factorisations of K."""
+    stiffness : matrix by the elements for buckling, without springs.     factor_of : its stored factorisations."""
 
     design: Design
     thickness: float
@@ -164,7 +164,7 @@ class CutStatics:
 
 def carrying(design: Design) -> Carrying:
     """Return the verdict on the cut sheet of a design; the design stores the result.
-    A structure that does not stand gives a verdict, no error. Raises the DsfabError of a stage that fails."""
+    A structure that does not stand gets a verdict, not an error. Raises the DsfabError of a stage that fails."""
     return design.cached_result("slicing", "carrying", lambda: _carrying(design))
 
 
@@ -294,7 +294,7 @@ def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
     factors, surface, sections = _factors(statics.design), statics.model.surface, {}
     linear = next(iter(statics.answers.values())).elements.bending == "hhj"
     make = partial(ShearRecovery.for_surface, surface, linear=linear)
-    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # shared by all thicknesses
+    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # the same for all thicknesses
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)
@@ -339,8 +339,8 @@ def _movement(statics: CutStatics) -> Movement:
 
 def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
     """Return the span (m) with which movements are compared, and its description.
-    The span is twice the largest distance of a vertex from the supports, measured at right angles to the load. The
-    distance in space is used instead if it is longer than this span, as for a column under its load."""
+    The span is twice the largest distance of a vertex from the supports, measured at right angles to the load. If the
+    direct distance in space is longer than this span, as for a column under its load, the direct distance is used."""
     net, V, parts = load.force.sum(axis=0), surface.V, load.parts
     if parts is not None and (parts.point.any() or parts.bare.any() or parts.covered.any()):
         net = net - surface.areas @ parts.weight
@@ -391,7 +391,7 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
     preset, surface = statics.preset, statics.design.surface
     supports = acting_on(preset, surface).support
     shares = support_shares(supports, surface, statics.design.sheet)
-    # a sheet in the xy plane stands upright, with y upwards
+    # a flat sheet in the xy plane counts as a wall, with y upwards
     up = 1 if flat_axis(statics.model.surface, *statics.loads.values()) == 2 else 2
     along, across = (axis for axis in (0, 1, 2) if axis != up)
     rows = []
@@ -406,8 +406,8 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
 
 
 def support_shares(supports: Iterable[Support], surface: Surface, sheet: Sheet) -> Floats:
-    """Return the share (s, n', 3) of each of s supports in the reaction at each of n' vertices of a cut sheet.
-    Supports that hold the same direction of a vertex have equal shares."""
+    """Return the share (s, n', 3) of each of s supports in the reaction at each of the n' vertices of a cut sheet.
+    Supports that hold a vertex in the same direction have equal shares."""
     marks = np.array([_held_directions(support, surface, sheet) for support in supports])
     return np.asarray(marks / np.maximum(marks.sum(axis=0), 1))
 

@@ -36,7 +36,7 @@ def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
 
 def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = None) -> Floats:
     """Return forces (n + e, 3), newtons, on the nodes of six-node triangles. They do the same work as dsfab's loads.
-    force  : (n, 3) newtons on the vertices, with the part of `spread` that acts there.
+    force  : (n, 3) newtons on the vertices. They include the loads `spread`.
     spread : loads per area and per length.
 
     The shape function of a middle node is the bubble function of its edge. So the node takes the force on the
@@ -102,7 +102,7 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return which coordinates (3,) of the surface become x, y and z of the file, if the sheet is seen along `axis`."""
+    """Return the numbers (3,) of the surface's coordinates that become x, y and z of the file, seen along `axis`."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
@@ -260,7 +260,7 @@ def _check_model(
 def _answers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], cases: Mapping[str, LoadCase]
 ) -> dict[str, Equilibrium]:
-    """Return results by elements whose displacements are quadratic, like those of six-node triangles."""
+    """Return dsfab's results by elements with quadratic displacements, like those of six-node triangles."""
     spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")

@@ -38,7 +38,7 @@ class Comparison:
     The compliance is the sum over the load cases, with the weights of [diffusion].
     task      : common input of the competitors.
     pattern   : quality of the design's pattern; None if its widths are scaled or it cannot be cut.
-    looked_at : alternatives that are not competitors, compared by a fast solve."""
+    looked_at : alternatives that are not among the competitors, compared by a fast solve."""
 
     name: str
     task: ComparisonTask
@@ -50,12 +50,12 @@ class Comparison:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """A thinner sheet and isotropic stripes, from the competitors if they are among them, else from `looked_at`."""
+        """The thinner sheet and the isotropic stripes, from the competitors if possible, else from `looked_at`."""
         judged = judged_alternatives(self.design, self.rivals)
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
-        """Return the comparison, after a fast solve of those alternatives that are not competitors."""
+        """Return the comparison with both alternatives. Those that are not competitors are compared by a fast solve."""
         missing = [name for name in ALTERNATIVE_WORDS if name not in {rival.name for rival in self.rivals}]
         structure = self.design.structure
         return replace(self, looked_at=alternatives(self.task, structure, missing)) if structure and missing else self
@@ -69,7 +69,7 @@ class Comparison:
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return a competitor's compliance divided by the design's: above 1 the design is stiffer. nan if both fail."""
+        """Return a competitor's compliance divided by the design's; above 1, the design is stiffer. nan: both fail."""
         rival, design_compliance = self[name].compliance, self.design.compliance
         if np.isfinite(design_compliance):
             return rival / design_compliance
@@ -87,7 +87,7 @@ class Comparison:
         return head + table((f"Comparison of {self.name}", "compliance", "", "mass"), rows)
 
     def record(self) -> dict[str, Any]:
-        """Return plain values for a file, SI units: `name`, `alternatives`, and a row for each of `competitors`."""
+        """Return plain values for a file, in SI units: `name`, `alternatives`, and a row for each of `competitors`."""
         return {
             "name": self.name,
             "alternatives": [entry.record() for entry in self.alternatives],
@@ -217,15 +217,15 @@ def _smallest_member(structure: Structure) -> float | None:
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # time of a full check; True: flat sheet loaded in its plane
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # time of a full check; key True: a flat sheet loaded in its plane
 Level = Literal["quick", "full"]
 
 
 @dataclass(frozen=True)
 class Checks:
     """Options for the checks of a comparison.
-    level  : quick (one solve) or full (several meshes with an error bound). None: full for the design; full for the
-             competitors if all checks take less than a minute.
+    level  : quick (one solve) or full (several meshes with an error bound). None: the design gets a full check; the
+             competitors get one, too, if all checks take less than a minute.
     ask    : number of frequencies and buckling factors to compute.        memory : limit of a full check, bytes."""
 
     level: str | None = None
@@ -235,7 +235,7 @@ class Checks:
 
     def judge(self, depth: str, every: bool = False) -> Judge:
         """Return the judge for a depth: quick, full or whole.
-        depth : "whole" is full for uncut sheets, which have coarse meshes, and quick for cut sheets.
+        depth : "whole" means full for uncut sheets, which have coarse meshes, and quick for cut sheets.
         every : True to judge all cases; else only those that the pattern follows."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
@@ -246,7 +246,7 @@ class Checks:
 
 class Judges(NamedTuple):
     """The judge of the design (for all cases) and the judge of its competitors.
-    told : reason why cut competitors get one solve only; '' if they do not."""
+    told : reason why cut competitors are solved only once; '' if they get a full check."""
 
     own: Judge
     rival: Judge
@@ -259,7 +259,7 @@ def compare(
     """Compare the compliance of the design's cut sheet with competitors of the same mass, like `dsfab compare`.
     against : names of `dsfab.study.baselines.BASELINES`.
     level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, with an error bound.
-              None: full for the design; full for the competitors if all checks take less than a minute.
+              None: full for the design, and also for the competitors if all checks take less than a minute.
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     names = tuple(against)
     design_judge, rival, _ = judges(design, names, Checks(level, progress=progress))
@@ -273,7 +273,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
         whole_sheets = 1 + ("thinner" in names)
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
-        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core, with two meshes
+        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # time on one core with two meshes
         if seconds > 60:
             reason = f"full checks of all would take about {seconds:.0f} s: cut competitors are judged by one solve"
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)
@@ -296,7 +296,7 @@ def _can_be_cut(design: Design) -> bool:
 
 
 def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
-    """Return a judge that uses `cut` for cut sheets, and `whole_judge` for uncut sheets, once for each thickness."""
+    """Return a judge. It uses `cut` for cut sheets. For uncut sheets it uses `whole_judge`, once for each thickness."""
     judgements: dict[float, Judgement] = {}
 
     def judge(task: ComparisonTask, structure: Structure) -> Judgement:

@@ -26,7 +26,7 @@ class Check:
     """A limit and its measured value, metres (three lengths each for `bed`).
     name  : key of [fabrication].
     value, place, what : measured value, its place, and the name of the measured part; empty if there is no such part.
-    asked : True if the preset sets the limit; False if `least_widths` gives it."""
+    asked : True if the preset sets the limit; False if the limit comes from `least_widths`."""
 
     name: str
     limit: tuple[float, ...]
@@ -39,8 +39,8 @@ class Check:
 
 @dataclass(frozen=True)
 class PieceContacts:
-    """A connected piece of the sheet with its area (m2). supports, loads : numbers, from 1, of those that act on it.
-    names : of these supports and loads."""
+    """A connected piece of the sheet with its area (m2). supports, loads : numbers (from 1) of those on the piece.
+    names : names of these supports and loads."""
 
     area: float
     supports: tuple[int, ...]
@@ -89,9 +89,9 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
-    """Return reasons (clauses) why an export needs the user's consent. Reasons are loads without support, and places
-    where the sheet is a film. In a workshop design, too narrow members and gaps under 1 mm are reasons, too.
-    measured : measures of the design; None leaves out the members and gaps."""
+    """Return reasons (clauses) why an export needs the user's consent: loads without support, and places where the
+    sheet is a film. For a workshop design, members that are too narrow and gaps under 1 mm are reasons, too.
+    measured : measures of the design. If it is None, members and gaps are not checked."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
         sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, loads)
@@ -159,13 +159,13 @@ def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
 
 
 ATTEMPTS = 8  # largest number of changes of a design; each takes a whole run
-MARGIN = 1.02  # requested width divided by the limit: slicing may narrow it slightly
-COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor by which frequencies are lowered at a time
+MARGIN = 1.02  # requested width divided by the limit: above 1 because slicing may narrow a member slightly
+COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor that lowers frequencies in one change
 
 
 @dataclass(frozen=True, eq=False)
 class FixedDesign:
-    """A design within its limits, its measures, and the changed keys with their old and new values."""
+    """A design that meets its limits, its measures, and the changed keys with their old and new values."""
 
     design: Design
     made: FabricationMeasures
@@ -234,7 +234,7 @@ def fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, An
 
 
 def spacing_changes(design: Design, factor: float) -> dict[str, Any]:
-    """Return preset keys, such as pattern.major.spacing, with the values that multiply the spacing by `factor`."""
+    """Return new values of preset keys, such as pattern.major.spacing, which multiply the spacing by `factor`."""
     pattern, changes = design.preset.pattern, dict[str, Any]()
     for name, family in zip(pattern.family_names, pattern.drawn_families, strict=True):
         if family.spacing or design.pattern.even:
@@ -259,7 +259,7 @@ def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def _raised_value(value: float, check: Check) -> float:
-    """Return a larger width: the limit, or up to 1.25 times the old width if that was already above the limit."""
+    """Return a larger width: the limit; or, if the old width is already above it, up to 1.25 times the old width."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)

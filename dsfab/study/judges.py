@@ -68,7 +68,7 @@ class Judgement:
     compliance : weighted sum over the loads that the pattern follows, joules.
     bound      : relative error bound, or None.
     verdict    : `pass` if the bound is small enough.     reason : explanation of the verdict.
-    cases      : response to each load by its name.
+    cases      : response to each load, by the load's name.
     check      : the verdict on several meshes; None for one mesh.
     theory     : fraction by which a solid may be softer than the shell; None for one mesh."""
 
@@ -90,7 +90,7 @@ class Judgement:
         return max(extremes, key=lambda extreme: extreme.settled)
 
 
-Judge = Callable[[ComparisonTask, Structure], Judgement]  # raises DsfabError if a load has no support
+Judge = Callable[[ComparisonTask, Structure], Judgement]  # a judge raises DsfabError if a load has no support
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +201,7 @@ def full(
     """Judge on finer and finer meshes, with error bounds for compliance, buckling and frequency. The stress is that of
     the finest mesh. Displacements and reactions are those of the unrefined mesh. If the memory is too small for finer
     meshes, the result is that of `quick`.
-    every : True to judge all cases and combinations. The verdict is `fail` if only the followed loads are carried.
+    every : True to judge all cases and combinations. If the sheet carries only the followed loads, it fails.
     ask   : requested frequencies and buckling factors.         budget : memory, bytes.
     Raises StaticsError if the structure does not carry the loads that its pattern follows."""
     try:

@@ -1,4 +1,4 @@
-"""Sizing: the thinnest sheet, of those on sale, with which the cut structure meets the targets of [sizing]."""
+"""Sizing: search for the thinnest sheet on sale with which the cut structure meets the targets of [sizing]."""
 
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
@@ -22,7 +22,7 @@ REACH, REACH_UP = 3.0, 6.0
 """Range of tried thicknesses: from the first guess divided by `REACH` to the guess times `REACH_UP`."""
 OWN_CUTS = 2  # Largest number of designs that are cut again for their own thickness.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
-MORE, MOST = 1.3, 0.75  # Factor for more material, and largest share of material.
+MORE, MOST = 1.3, 0.75  # Factor that increases the share of material, and largest share.
 CLOSER = 0.75  # Factor on the spacing of members if more material does not suffice.
 
 
@@ -116,12 +116,12 @@ def run_sized(preset: Preset, progress: Progress = silent) -> Design:
 
 
 def sized_preset(preset: Preset, progress: Progress = silent) -> Preset:
-    """Return the preset; if its thickness is auto, with the thickness that `sized_design` chooses."""
+    """Return the preset. If its thickness is auto, replace it by the thickness that `sized_design` chooses."""
     return preset if preset.statics.is_sized else sized_design(preset, progress).preset
 
 
 def guessed_preset(preset: Preset) -> Preset:
-    """Return the preset; if its thickness is auto, with a first guess, for quick drawings."""
+    """Return the preset, for quick drawings. If its thickness is auto, replace it by a first guess."""
     if preset.statics.is_sized:
         return preset
     guess = preset.sizing.first
@@ -132,10 +132,10 @@ def guessed_preset(preset: Preset) -> Preset:
 
 
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
-    """Return the design with the thinnest sheet that meets the targets of [sizing], up to slicing.
+    """Return the design with the thinnest sheet that meets the targets of [sizing]. Its last stage is slicing.
 
     One cut sheet is solved at two thicknesses, which gives the results for all thicknesses. The thinnest sufficient
-    thickness gets its own cut, which is solved again; the next ones follow if necessary.
+    thickness gets its own cut, which is solved again. If it does not suffice, the next thicknesses follow.
     If no thickness suffices, the pattern gets more material, then also a smaller spacing. If this does not help, the
     result is the design that comes nearest to the targets.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
@@ -167,7 +167,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
 
 
 def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Design:
-    """Return the design of a first guess, or of the thickness `thickest` (m) if the uncut guess moves too much."""
+    """Return the design of the preset `guess`. If its uncut sheet moves too much, use the thickness `thickest` (m)."""
     design = Design.from_preset(guess, None, progress)
     is_refused = bool(refusal(guess, design.statics))
     return Design.from_preset(guess.with_thickness(thickest), design, progress) if is_refused else design
@@ -264,7 +264,7 @@ def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) ->
     row : earlier trial of this thickness, for a sheet that was cut for another thickness. Its buckling factor is used
           if `outcome` has none."""
     targets = design.preset.sizing
-    use = outcome.use.value if outcome.use else float("inf") if row else None  # not yet computed in trials of a list
+    use = outcome.use.value if outcome.use else float("inf") if row else None  # None: not yet computed in a list
     movement = outcome.movement.share if outcome.movement else float("inf")
     factor = outcome.buckling or (row.buckling if row else float("inf"))
     excess: dict[str, float] = {} if use is None else {"utilisation": use / targets.utilisation}

@@ -76,7 +76,7 @@ def stage_of(key: str) -> int:
 
 
 def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the changed values of each stage as a text. Two runs share all stages before the first different text."""
+    """Return a text for each stage with its changed values. Two runs share all stages before the first unequal text."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
         section = key.split(".")[0]
@@ -101,7 +101,7 @@ def expected_seconds(values: Values, stages: Mapping[str, float], picture: float
     """Return the expected time (s) for all pictures, from the times of each stage and of one picture."""
     total = picture * count(values)
     for stage, seconds in stages.items():
-        # a stage runs once for each combination of values of its own and earlier keys
+        # a stage runs once for each combination of the values of its keys and of all keys of earlier stages
         total += seconds * prod(len(v) for key, v in values.items() if stage_of(key) <= STAGES.index(stage))
     return total
 

@@ -71,7 +71,7 @@ def design_fields(design: Design) -> dict[str, Floats]:
     family.
     In faces: stress in xyz, principal values of the diffusion tensors times gamma, and the mask of isotropic faces.
 
-    Evenly spaced stripes have no phase, but the distance from the nearest centre line, and lines per metre."""
+    For evenly spaced stripes, the distance from the nearest centre line and the lines per metre replace the phase."""
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
         "force [N]": design.load.force,
@@ -136,7 +136,7 @@ STEERED = ("along", "guided", "over")  # Fields of `StripeSteering` in the archi
 
 
 def field_arrays(key: str, field: Field) -> Arrays:
-    """Return the arrays that store a field, by name. key : name of the array of values, and start of other names."""
+    """Return the arrays that store a field, by name. key : name of the array of values, with which all names begin."""
     if isinstance(field, DividedField):
         divided = field.divided
         rows = {"data": divided.weights.data, "indices": divided.weights.indices, "indptr": divided.weights.indptr}
@@ -288,7 +288,7 @@ def read_archive(folder: Path, preset: Preset) -> Design | None:
 
 
 def sections(preset: Preset) -> dict[str, Any]:
-    """Return the sections that determine a design, as plain values, with those of the material in place of its name."""
+    """Return the sections that determine a design, as plain values. The values of the material replace its name."""
     values: dict[str, Any] = json.loads(preset.model_dump_json(include=set(MADE_BY), exclude={"statics": {"material"}}))
     return values
 

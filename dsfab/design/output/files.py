@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 class OpenedSurface(NamedTuple):
     """A one-sided surface, such as a Moebius strip, after a cut along a seam.
-    given   : surface before the cut, with n vertices and m faces.    turned : (m,) mask of reversed normals.
+    given   : surface before the cut, with n vertices and m faces.    turned : (m,) mask of reversed faces.
     surface : surface after the cut, with more vertices (n') and the same faces in the same order.
     twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam."""
 
@@ -46,13 +46,13 @@ class OpenedSurface(NamedTuple):
     twins: Ints
 
     def offsets(self, corners: Floats) -> Floats:
-        """Return half-thickness vectors (n', 3) of the cut surface, from those (m, 3, 3) at corners of faces."""
+        """Return vectors (n', 3) of half a thickness for the cut surface, from those (m, 3, 3) at corners of faces."""
         vectors = np.zeros((self.surface.n, 3))
         vectors[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet cut along the seam, with its cells in order, and pairs (k, 2) of half-edges at the seam."""
+        """Return a sheet cut along the seam, with the same order of cells, and pairs (k, 2) of half-edges at it."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -146,7 +146,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) whose normal must be reversed for a smooth seam: it has at most half of each face's outline."""
+    """Return faces (m,) whose normal must be reversed so that the seam has at most half of each face's outline."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -193,7 +193,7 @@ def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: A
 
 def to_build123d(thing: Design | Solid) -> "build123d.Shape":
     """Return a solid, or the solid of a design, as a build123d shape, millimetres.
-    Raises ExportError as `write`."""
+    Raises ExportError as `write` does."""
     import build123d
 
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
@@ -202,7 +202,7 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
     """Return the part of a design to write, and keywords for `dsfab.export.write`. suffix : a key of `FORMATS`.
-    The part is the solid, the sheet, or the uncut surface for formats of fields."""
+    The part is the solid, the sheet, or, for formats that contain fields, the uncut surface."""
     options, form = design.preset.export, FORMATS[suffix]
     if isinstance(form, MemberFormat):
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
@@ -330,7 +330,7 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
 
 
 def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
-    """Return the sheet, divided into parts in which one of the fields (n, c) is the largest. snap : see `cut`."""
+    """Return the sheet, divided into parts. In each part, one of the fields (n, c) is the largest. snap : see `cut`."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
     if count > 1:

@@ -59,7 +59,7 @@ class Proposal:
         return _decision_lines([decision for decision in self.decisions if decision.topic not in routine])
 
     def text(self, file: Path | None = None) -> str:
-        """Return the preset as TOML; without a file name for a mesh from Python.
+        """Return the preset as TOML. It contains no file name for a mesh from Python.
         file : path of the mesh relative to the preset's folder; default: the user's path."""
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {decision.topic: decision.choice for decision in self.decisions}

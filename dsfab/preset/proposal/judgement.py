@@ -38,11 +38,11 @@ LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
 EDGE = 0.5  # Fraction of the score that a reading loses if all edges are supported.
-UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that name no unit.
-BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of the logarithm.
-LEAST, DOUBT = 0.02, 0.25  # Smallest scores of plausible readings, and of readings without doubt.
-CLOSE = 0.75  # Smallest ratio of a score to the best score for a question to the user.
-OPEN = 0.13  # Smallest probability of the second unit for a question to the user.
+UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that do not name it.
+BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of its logarithm.
+LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible reading, and of one without doubt.
+CLOSE = 0.75  # dsfab asks the user if a score is at least this share of the best score.
+OPEN = 0.13  # dsfab asks the user if the second unit has at least this probability.
 UNDER = 0.7  # Factor on the scores of surfaces that reach below the ground (z = 0).
 
 
@@ -63,7 +63,7 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return a reading with its score, 0 if the sheet could move freely. usual : factor on the score for its axis."""
+    """Return a reading with its score; 0 if the sheet could move freely. usual : score factor of its vertical axis."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -128,7 +128,7 @@ def _forces(shape: Shape, kind: str, thick: float) -> Floats:
 
 
 def _upward(reading: SupportReading, surface: Surface, rows: Bools, reaction: Floats) -> Floats:
-    """Return the upward reaction at each support, newtons; a supported vertex belongs to the nearest one."""
+    """Return the upward reaction at each support, newtons. A supported vertex belongs to the nearest support."""
     points = np.concatenate([place.points for place in reading.places])
     owner = np.repeat(np.arange(len(reading.places)), [len(place.points) for place in reading.places])
     nearest = owner[cKDTree(points).query(surface.V[rows])[1]]
@@ -192,7 +192,7 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two readings with nearly the best score; of another vertical axis only the best reading."""
+        """At most two readings with nearly the best score. Another vertical axis gives only its best reading."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]
@@ -226,7 +226,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
             shapes[up] = Shape(Surface(shapes[up].surface.V * metres_per(units[up][0][0]), coarse.F))
         z = shapes[up].surface.V[:, 2]
         factor *= UNDER if z.min() < -0.2 * np.ptp(z) else 1.0
-        factor *= usual[up] / max(usual.values())  # an axis with which the unit would be rare is less probable
+        factor *= usual[up] / max(usual.values())  # an axis is less probable if it makes the unit unusual
         candidates += [(factor, up, reading) for reading in _readings(shapes[up], stand)]
     if not candidates:
         raise PresetError(_no_word(stand, [reading for shape in shapes.values() for reading in readings(shape)]))

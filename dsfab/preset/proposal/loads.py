@@ -20,7 +20,7 @@ LINE_OF_COMMENT = {
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
 PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Placeholders, Pa.
-AROUND = 0.3  # Largest sum of the normals of a tower, by area, divided by its area.
+AROUND = 0.3  # Towers: largest horizontal sum of normals times areas, divided by the area.
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
 
 
 def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[list[str]]:
-    """Yield the tables of loads for a preset, each as lines. Wind from two sides gives two cases, with the weight."""
+    """Yield the tables of loads for a preset, each as lines. Wind from two sides gives two cases with the weight."""
     cases = ["wind", "wind_back"] if "wind" in pressures else []
     if len(pressures) > 1 or not cases:
         yield ["[[surface.load]]", 'kind = "self_weight"']
@@ -116,8 +116,8 @@ def toml_line(key: str, value: object, note: str = "") -> str:
 
 
 def snow_picker(surface: Surface) -> str:
-    """Return the picker for snow. If the surface overlaps itself in plan, like a ball, it selects the top; '' for a
-    roof. The normals may point inwards or outwards."""
+    """Return the picker for snow; '' for a roof. For a surface that overlaps itself in plan, like a ball, it selects
+    the top. The normals may point inwards or outwards."""
     upward = surface.normals[:, 2] * surface.areas
     if np.abs(upward).sum() < 1.2 * abs(upward.sum()) or one_sided_pieces(surface.F, surface.edges).any():
         return ""

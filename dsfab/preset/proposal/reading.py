@@ -1,4 +1,4 @@
-"""Reads the user's mesh, in metres with z up, and decides on its unit, vertical axis and repairs."""
+"""Read the user's mesh, in metres with z up, and decide on its unit, vertical axis and repairs."""
 
 import re
 import unicodedata
@@ -170,7 +170,7 @@ def mesh_in_file(
 
 
 def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFile) -> Iterator[Decision]:
-    """Yield decisions on other contents of a file than faces, and on what was left out or repaired."""
+    """Yield decisions on contents of a file that are not faces, and on parts that were left out or repaired."""
     if raw.record.surface_words:
         yield Decision("file", f"read: {raw.record.surface_words}")
     if raw.record.mark_words:
@@ -249,7 +249,7 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
 
 
 def _unit_words(surface: Surface, chosen: SupportChoice, declared: str | None, option: str | None) -> str:
-    """Return the decision on the unit, as text: the surface's size in it, and in other probable units."""
+    """Return the decision on the unit, as text: the surface's size in this unit, and in other probable units."""
     sides, unit = np.ptp(surface.V, axis=0).tolist(), chosen.unit
     words = f"{unit}{', as the file says' if declared == unit else ''}: it is {_box(surface)}"
     alternatives = sizes_in_other_units(sides, unit, USUAL)
@@ -277,7 +277,7 @@ def _box(surface: Surface) -> str:
 
 
 def vertical_axis(up: str | None) -> Up | None:
-    """Return the axis, or None if the user named none. Raises SurfaceError unless it is x, y, z, -x, -y or -z."""
+    """Return the axis; None if the user named none. Raises SurfaceError if it is not x, y, z, -x, -y or -z."""
     axes: tuple[Up, ...] = get_args(Up)
     if up is None or up in axes:
         return next((axis for axis in axes if axis == up), None)

@@ -11,7 +11,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock, point_tuple
 from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, is_scalloped
 from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
-DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `form` of supports that the shape shows, of usual ones, of all others.
+DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `form` of supports: shown by the shape, usual, any.
 RARER = 0.8  # Factor on `form` for hanging surfaces and for walls: most surfaces are roofs.
 LEFT = 0.7  # Factor on `form` if necks or hollows have no support.
 SAG = 0.15  # Smallest sag of a hanging roof, divided by its height.
@@ -83,7 +83,7 @@ def readings(shape: Shape) -> list[SupportReading]:
 
 
 def distinct_readings(shape: Shape) -> list[SupportReading]:
-    """Return the ways of support of a shape. Of two with nearly the same supports, only that with the higher `form`."""
+    """Return the ways of support of a shape. If two have nearly equal supports, omit that with the lower `form`."""
     distinct = list[tuple[SupportReading, Bools]]()
     for reading in readings(shape):
         supported = reading.vertices(shape.surface)
@@ -125,7 +125,7 @@ def _edge_place(edge: Edge) -> SupportPlace:
 
 
 def _whole(shape: Shape, edges: Sequence[Edge], name: str) -> tuple[SupportPlace, ...]:
-    """Return places for whole edges, with the number of the edge if the lengths of all others differ by over 5 %."""
+    """Return whole edges as places. A place gets the number of its edge if all other lengths differ by over 5 %."""
     places = []
     for edge in edges:
         rivals = [rival for rival in shape.edges if abs(rival.length / edge.length - 1) < 0.05]
@@ -148,7 +148,7 @@ def _edge_form(shape: Shape) -> float:
 
 
 def _walls(shape: Shape) -> Iterator[SupportReading]:
-    """Yield walls below a level outer edge together with columns inside, if there are column heads."""
+    """Yield walls below a level outer edge, together with columns inside. There must be column heads inside."""
     if shape.heads and (form := _edge_form(shape)) > WALLS:
         places = (
             *_whole(shape, shape.outer, "wall"),
@@ -158,7 +158,7 @@ def _walls(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _masts(shape: Shape) -> list[Edge]:
-    """Return the small upper edges of a tent, whose outer edge curves inwards between corners; none for others."""
+    """Return the small upper edges of a tent with an outer edge that curves inwards; none for other shapes."""
     is_tent = 3 <= len(shape.corners) <= 8 and is_scalloped(shape.edges[0], shape.corners)
     return [edge for edge in shape.small if is_tent and shape.neck(edge)[2] < -2 * NECK]
 
@@ -252,7 +252,7 @@ def _sides(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _corners(shape: Shape) -> Iterator[SupportReading]:
-    """Yield supports at the corners, at any height as for a sail, except if all corners are feet."""
+    """Yield supports at the corners. Their height may be any, as for a sail. Yield none if all corners are feet."""
     edge, corners = shape.edges[0], shape.corners
     if not 3 <= len(corners) <= 8:
         return

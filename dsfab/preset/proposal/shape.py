@@ -119,14 +119,14 @@ class Edge:
                 continue
             profiles = [np.maximum.accumulate(np.roll(z, -top)[::sign][: n // 2 - 1]) for sign in (1, -1)]
             least = np.sort(np.concatenate(profiles))[min(int(np.ceil(shortest / step)), n - 3)]
-            level = max(z[top] + RISE * height, least) + 1e-4 * height  # so that equal heights on both sides count
+            level = max(z[top] + RISE * height, least) + 1e-4 * height  # 1e-4: equal heights on both sides count
             after, before = (int((profile <= level).sum()) for profile in profiles)
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
     def corners(self, arm: float) -> list[int]:
         """Return the points of a closed edge where its direction changes most, by at least `CORNER`. There is no corner
         where the edge is straight in plan, as on a folded roof.
-        arm : length (m) on each side of a point that gives the direction."""
+        arm : length (m) of the edge before and after a point. The angle between these two parts is measured."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
         before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points
         long = lengths(before) * lengths(after) + 1e-12
@@ -209,7 +209,7 @@ class Shape:
 
     @cached_property
     def sides(self) -> list[Edge]:
-        """The four sides of a surface with four corners, first and third the short ones; else empty."""
+        """The four sides of a surface with four corners; the first and the third are the short ones. Else empty."""
         if len(self.corners) != 4:
             return []
         c = self.corners
@@ -270,7 +270,7 @@ class Shape:
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:
-        """Return the vertices (k, 3) that are nearest in plan to points (j, 2); points beside the sheet have none."""
+        """Return the vertices (k, 3) that are nearest in plan to points (j, 2), without points beside the sheet."""
         away, vertex = (np.atleast_1d(values) for values in cKDTree(self.surface.V[:, :2]).query(plan))
         return np.asarray(self.surface.V[vertex[away < 0.05 * self.width]])
 
@@ -285,12 +285,12 @@ class Shape:
 
     @cached_property
     def heads(self) -> list[Edge]:
-        """Small edges from which the sheet rises, unlike at openings: column heads."""
+        """Column heads: small edges from which the sheet rises. At openings, it does not rise."""
         return [edge for edge in self.small if self.neck(edge)[2] > NECK]
 
     @cached_property
     def lugs(self) -> list[Edge]:
-        """Small edges from which the sheet may hang, each at the top of a slender neck. Wide ones are skylights."""
+        """Small edges from which the sheet may hang, each at the top of a slender neck. Wide edges are skylights."""
         return [edge for edge in self.small if self.neck(edge)[2] < -NECK and self.slenderness(edge) > LUG]
 
     @cached_property

@@ -19,7 +19,7 @@ LONG = 1.8
 """Smallest ratio of the span to the shorter side of the plan for which the span governs the thickness. A square roof on
 its corners has a ratio of 1.41."""
 THICKEST = 1 / 5  # Largest thickness for a long span, divided by the spacing.
-MODEL = 3.0  # Smaller surfaces, in metres, count as printed models.
+MODEL = 3.0  # Surfaces smaller than this (m) count as printed models.
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ BASELINES: Mapping[str, Baseline] = {
     "grid": grid,
     "simp": simp,
 }
-"""Functions of the competitors by name. A competitor has the design's mass, loads, supports, kept regions and
+"""Functions that make the competitors, by name. A competitor has the design's mass, loads, supports, kept regions and
 thickness, with two exceptions. `thinner` is thinner. `simp` replaces the preset's rim and discs by its own discs."""
 DEFAULT = ("isotropic", "thinner")  # default competitors of a comparison
 

@@ -68,7 +68,7 @@ class ComparisonTask:
 
     @cached_property
     def on_modes(self) -> Preset:
-        """The preset with stripes on modes, at the mean distance of the design's stripes."""
+        """The preset with stripes on modes. Their mean distance is that of the design's stripes."""
         if self.even is None:
             return self.preset
         pattern, surface = self.preset.pattern, self.surface
@@ -93,7 +93,7 @@ class ComparisonTask:
 
     @property
     def loads(self) -> dict[str, LoadCase]:
-        """Loads on the uncut surface from which the pattern is made."""
+        """Loads that the pattern follows, on the uncut surface."""
         return self.statics.loads(self.preset.followed_weights)
 
     @property
@@ -107,7 +107,7 @@ class ComparisonTask:
         return flat_axis(self.surface, *self.all_loads.values()) is not None
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
-        """Return `loads` (`all_loads` if `every`) on the uncut surface, but with the self-weight of a structure."""
+        """Return `loads` (or `all_loads` if `every`) on the uncut surface, but with the self-weight of `structure`."""
         share = structure.thickness / self.preset.statics.thickness
         uncut_loads = self.all_loads if every else self.loads
         return {name: load.of_thickness(self.surface, share) for name, load in uncut_loads.items()}
@@ -168,13 +168,13 @@ def thinner(task: ComparisonTask) -> list[Variant]:
     return [Variant("", partial(Structure.uncut, task.surface, task.share * task.preset.statics.thickness))]
 
 
-SAME_MASS = 1e-3  # largest relative difference of equal masses
+SAME_MASS = 1e-3  # masses count as equal up to this relative difference
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
-"""Function of a task, a share of the surface and its tolerance; it returns layers whose material covers this share."""
+"""Function that returns layers whose material covers a share of the surface. Arguments: task, share, tolerance."""
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return the structure whose sheet has the area of the task. Wider stripes replace the material of loose pieces.
+    """Return the structure whose sheet has the area of the task. Loose pieces are removed, so its stripes are wider.
     If no width gives the area, a smaller `slicing.snap` is tried. Raises PatternError if this fails, too."""
     try:
         return _structure_of_area(task, drawing)
@@ -186,7 +186,7 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
-        # the rest of the tolerance is for loose pieces and joined narrow places
+        # loose pieces and joined narrow places change the area, too, so the widths use only 30 % of the tolerance
         structure = sliced_structure(task, drawing(task, target_share, 0.3 * SAME_MASS * task.share))
         excess = structure.sheet.surface.area / task.area - 1
         if abs(excess) <= SAME_MASS:
@@ -218,7 +218,7 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return stripes of both families with the task's area, on modes of `diffusion` or on `even`."""
+    """Return stripes of both families with the task's area: the stripes `even`, or else on modes of `diffusion`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
@@ -241,13 +241,13 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # number of modes to pair; modes with equal eigenvalues have no fixed order
+MODES = 3  # number of modes for pairs; with equal eigenvalues, any of them may be the first
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
 PHASES = (0.0, 0.25, 0.5, 0.75)  # phases, in periods, of the variants without modes
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress: a preset with equal widths, pairs of modes, and a function for these modes."""
+    """Stripes that ignore the stress: a preset with equal widths, pairs of modes, and a function for the modes."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -255,7 +255,7 @@ class IsotropicStripes(NamedTuple):
 
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
-    """Return stripes of equal width and frequency on modes of isotropic diffusion (r = 1), with the task's area."""
+    """Return stripes of equal width and frequency, with the task's area, on modes of isotropic diffusion (r = 1)."""
     isotropy = {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
     blind = with_overrides(task.on_modes, isotropy)
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
@@ -320,7 +320,7 @@ def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) ->
 
 
 def mode_like_field(surface: Surface, face: Floats) -> Floats:
-    """Average values (m,) from faces to vertices, and return them as (n,), scaled by `scaled_field`."""
+    """Average values (m,) of faces at the vertices. Return the averages (n,), scaled by `scaled_field`."""
     return scaled_field(surface, vertex_means(surface, face))
 
 
@@ -332,13 +332,13 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return the two unit axes (2, 3) along which the surface is longest; supports and loads decide for equal axes."""
+    """Return two unit axes (2, 3) along which the surface is longest. For equal lengths, supports and loads decide."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     spread = x.T @ (mass[:, None] * x)
     ties = reference_axes(surface, (load.supported.astype(float),), (load.force.sum(axis=0),))
-    # the supports and loads count so little that they decide only between equally long axes
+    # supports and loads get a very small weight, so that they decide only between equally long axes
     spread += 1e-3 * np.trace(spread) * ties.T @ np.diag([1.0, 0.5, 0.0]) @ ties
     return np.asarray(np.linalg.eigh(spread)[1][:, :0:-1].T)
 

@@ -1,4 +1,4 @@
-"""Topology optimisation (SIMP), which gives each face of a triangle mesh a density; a competitor made from this."""
+"""Topology optimisation (SIMP), which gives each face of a triangle mesh a density, and a competitor made by it."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -68,7 +68,7 @@ class Simp:
             )
 
     def filter_radius(self, surface: Surface) -> float:
-        """Return `radius`; if 0, then 3 % of the root of the surface's area (m), but at least 1.1 mean edge lengths."""
+        """Return `radius`; for 0, return 3 % of the root of the surface's area (m), at least 1.1 mean edge lengths."""
         return self.radius or max(0.03 * float(np.sqrt(surface.area)), 1.1 * surface.mean_edge)
 
     @property
@@ -123,7 +123,7 @@ def densities(
     The method is that of top88 [Andreassen et al. 2011]. A density scales membrane and bending stiffness equally.
     area    : sum of density times face area, m2.
     solid   : (m,) mask of faces that stay material.     weights : weight of each load's compliance, default 1.
-    Raises StaticsError without supports, for less area than the solid faces have, and for the whole surface."""
+    Raises StaticsError without supports, or if `area` is below that of the solid faces or above that of the surface."""
     options, surface = options or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
     share = _start_density(surface, area, solid)
@@ -157,7 +157,7 @@ def _start_density(surface: Surface, area: float, solid: Bools) -> float:
 
 
 def simp(task: ComparisonTask) -> list[Variant]:
-    """Return the structure of faces whose SIMP density exceeds a limit, chosen for the area of the task."""
+    """Return the structure of faces whose SIMP density exceeds a limit. The limit is chosen to give the task's area."""
     free = free_task(task)
     return [Variant("", lambda: _cut_structure(free, optimised_densities(free)))]
 
@@ -178,7 +178,7 @@ def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> De
 
 
 def level_set_structure(task: ComparisonTask, density: Floats) -> Structure:
-    """Return the structure in which the density, averaged from faces (m,) to vertices, exceeds a level."""
+    """Return the region where the density exceeds a level. The density is averaged from faces (m,) to vertices."""
     return matched_structure(task, partial(_level_set_layers, vertex_means(task.surface, density)))
 
 

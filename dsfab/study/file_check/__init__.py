@@ -33,13 +33,13 @@ __all__ = [
 ]  # fmt: skip
 
 Progress = Callable[[str, str], None]
-TOO_THIN, TOO_THICK = 1e-4, 10.0  # range of the thinnest wall, metres; outside of it, the unit is wrong
-AGREES, DIFFERS = 0.05, 0.15  # relative differences of compliance at which solid and shell still agree, and differ
+TOO_THIN, TOO_THICK = 1e-4, 10.0  # if the thinnest wall (m) lies outside of this range, the unit is wrong
+AGREES, DIFFERS = 0.05, 0.15  # differences of compliance: solid and shell agree below 5 %, and differ above 15 %
 
 
 @dataclass(frozen=True)
 class Finding:
-    """The verdict of one check. name : of the check: `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
+    """The verdict of one check. name : `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
     reason : a sentence, or '' if the numbers explain the verdict."""
 
     name: str
@@ -51,7 +51,7 @@ class Finding:
 class FileCheck:
     """Result of the check of a file.
     clearances : walls and gaps; None for a file that is not closed.       density : kg/m3, 0 if unknown.
-    distance, carrying : comparison with the design; None if it was not made. `findings` state the reason."""
+    distance, carrying : results of the comparison with the design. If there is none, `findings` state the reason."""
 
     path: Path
     found: FileContents
@@ -102,7 +102,7 @@ def check_contents(
     progress: Progress | None = None,
 ) -> FileCheck:
     """Check the contents of a file like `check_file`.
-    contents : for a comparison with a design, read with the deflection `deflection_for(preset)`.
+    contents : contents of the file. A comparison with a design needs the deflection `deflection_for(preset)`.
     unit_given : True if the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
@@ -164,7 +164,7 @@ def _unit_finding(
 
 
 def _cut_finding(contents: FileContents) -> Finding:
-    """Check that OCCT can cut the solid of a STEP file in half. It may fail for a sound solid."""
+    """Check that OCCT can cut the solid of a STEP file in half. OCCT may fail even if the solid is sound."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "shape.bin"  # the binary file loads faster than STEP
         path.write_bytes(contents.shape)
@@ -174,7 +174,7 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication] by measures of the design if the file matches it, else of the file."""
+    """Check the limits of [fabrication]: by measures of the design if the file is equal to it, else of the file."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):

@@ -21,7 +21,7 @@ from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
 
 SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # suffixes of files that can be checked
 STEP_BEGINS = b"ISO-10303-21"  # text at the beginning of every STEP file
-BY_CONVENTION = "mm"  # assumed unit of STL files, which name none
+BY_CONVENTION = "mm"  # assumed unit of STL files, which do not name their unit
 CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
     *(f"{word}_SURFACE".encode() for word in ("CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
@@ -123,8 +123,8 @@ def _join_vertices(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
     return points, F[is_proper], int((~is_proper).sum())
 
 
-FLAT = 64 * float(np.finfo(np.float32).eps)  # smallest height of a triangle with a normal, divided by the mesh's size
-PARALLEL = float(np.cos(np.radians(3)))  # cosine; neighbouring faces at a larger angle form a tip or a notch
+FLAT = 64 * float(np.finfo(np.float32).eps)  # triangles flatter than this get no normal: height / mesh size
+PARALLEL = float(np.cos(np.radians(3)))  # cosine of an angle; faces at a larger angle form a tip or a notch
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +206,7 @@ class Distance:
     skin      : largest distance of the file's top and bottom from their exact place.    skin_mean : mean distance.
     to_design : largest distance from the file's surface to the design's solid: additional material or a shift.
     from_design : largest distance from the design's solid to the file's surface: missing parts or a shift.
-    beyond    : largest difference between a distance and its allowance; at most 0 if the file is within the allowance.
+    beyond    : largest value of distance minus allowance; at most 0 if all distances are allowed.
     allowed   : allowance at the place of `beyond`.
     scale     : diagonal of the file's bounding box divided by that of the design."""
 
@@ -232,22 +232,22 @@ class Distance:
 
     @property
     def meant_unit(self) -> str | None:
-        """Probable unit of the file's numbers, if `scale` shows within 2 % that another unit was assumed; else None."""
+        """Probable unit of the file's numbers if `scale` shows (within 2 %) that the assumed unit is wrong, or None."""
         return next((unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02), None)
 
 
 @dataclass(frozen=True, eq=False)
 class Allowance:
     """Allowed distance between a file's solid and a design's solid.
-    flat   : metres, everywhere.     limits : to be added on curved faces; None without curved faces."""
+    flat   : metres, everywhere.     limits : additional distances on curved faces; None without curved faces."""
 
     flat: float
     limits: SmoothLimits | None = None
 
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
-        """Return the allowance of a file. STL and 3MF must fit exactly; planar faces of STEP may be simplified. For
-        curved faces, the chord error of the design's mesh and `contents.deflection` are added."""
+        """Return the allowance of a file. STL and 3MF must fit exactly. In STEP, planar faces may be simplified; for
+        curved faces, the chord error of the design's mesh and `contents.deflection` are added to the allowance."""
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)
@@ -269,7 +269,7 @@ class Allowance:
 
 
 def off_surface(preset: Preset) -> float:
-    """Return the tolerance (m) of a file's curved faces, without the chord error of the mesh."""
+    """Return how far (m) a file's curved faces may be from the surface, without the chord error of the mesh."""
     return preset.export.step_tolerance or OFF_SURFACE * preset.statics.thickness
 
 
@@ -294,7 +294,7 @@ def _farthest(
     P = np.concatenate([V, V[F].mean(axis=1)])
     offsets = nearest_places(P, onto_V, onto_F).distance
     k = int(offsets.argmax())
-    candidates = np.flatnonzero(offsets > allowed.flat)  # only at these points the chord error matters
+    candidates = np.flatnonzero(offsets > allowed.flat)  # all other points are near enough without the chord error
     candidates = candidates if len(candidates) else np.array([k])
     permitted = allowed.at_points(P[candidates])
     worst = int((offsets[candidates] - permitted).argmax())

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers of element types
+TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers for the element types
 
 
 def tetrahedra(mesh_data: Any) -> tuple[Any, Any]:
-    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid. Triangles V, F of the input do not change."""
+    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid. Input triangles V, F are not changed."""
     import gmsh
 
     gmsh.initialize()

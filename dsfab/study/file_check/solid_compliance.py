@@ -50,7 +50,7 @@ def missing_packages() -> str:
 
 
 def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
-    """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
+    """Fill the solid of a file with tetrahedra. Their edges on its surface are at most `edge` metres long.
     gmsh meshes STEP files itself. Other files keep their triangles, but long edges are halved.
     Raises StaticsError if gmsh fails, takes too long, or changes the volume."""
     volume = Surface(contents.V, contents.F).volume
@@ -92,7 +92,7 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # the smallest allowed barycentric coordinate of a point is minus this value
+OUTSIDE = 0.25  # points may lie slightly outside: barycentric coordinates down to minus this value
 LARGEST = 1_200_000  # limit on the number of unknowns
 
 
@@ -184,7 +184,7 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """Supports of a model as r springs. Each spring acts on a linear combination of the N unknowns.
+    """Supports of a solid model as r springs. Each spring acts on a linear combination of the N unknowns.
     rows : (r, N) coefficients of the combinations.     stiffness : (r,) N/m; very large for a rigid support."""
 
     rows: csr_array
@@ -192,8 +192,8 @@ class Holding:
 
 
 def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -> Floats:
-    """Return the compliances f . u (c,), joules, under c force vectors f (N,). Raises StaticsError if the supports do
-    not hold the model."""
+    """Return the compliances f . u (c,), joules, under c force vectors f (N,); u are the displacements.
+    Raises StaticsError if the supports do not hold the model."""
     K = csr_array(model.K + holding.rows.T @ (diags_array(holding.stiffness) @ holding.rows))
     scale = 1 / np.sqrt(K.diagonal())
     inner = csr_array(diags_array(scale) @ K @ diags_array(scale))
@@ -211,7 +211,7 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
 EDGE = 1.0
 """Longest edge on the solid's surface, divided by the thickness. With a value of 2, compliances were up to 5 % too
 small."""
-COARSE = 1 / 100  # smallest `edge` divided by the solid's size; smaller ones give millions of tetrahedra
+COARSE = 1 / 100  # smallest `edge` divided by the solid's size; smaller edges give millions of tetrahedra
 RIGID = 1e3  # stiffness of a rigid support's spring, divided by Young's modulus times the thickness
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 """Heights of Gauss points above the middle, as multiples of half the thickness, and their weights."""
@@ -276,8 +276,8 @@ class SupportPoints:
 
     def rotation(self, edges: Bools) -> csr_array:
         """Return the matrix (r, N) that maps the N unknowns to rotations about the marked edges, at r `samples`.
-        A rotation is the difference between the displacements of the upper and the lower Gauss point across the edge.
-        """
+        A rotation is the displacement of the upper Gauss point minus that of the lower one, at right angles to the
+        edge."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -314,7 +314,7 @@ def _holding(points: SupportPoints, interpolation: csr_array, loads: Mapping[str
     stiffness = np.where(fixed, rigid, load.spring).ravel()
     held_unknowns = np.flatnonzero(stiffness)
     rows, strength = [interpolation[held_unknowns]], [stiffness[held_unknowns]]
-    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # edges with the same held directions together
+    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # treat edges with the same held directions together
         places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
         rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
     if load.clamped.any() and axis is None:

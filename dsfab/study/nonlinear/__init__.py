@@ -1,4 +1,4 @@
-"""Load at which a design buckles or snaps through, with large displacements, by CalculiX."""
+"""Load at which a design buckles or snaps through, computed by CalculiX with large displacements."""
 
 from dataclasses import dataclass, replace
 
@@ -12,7 +12,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""Smallest displacement per load in a snap, divided by that in the first step, and by that in the previous step."""
+"""Limits for a snap: displacement per load in a step, divided by that in the first and in the previous step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,13 +121,13 @@ def solid_check(
     shape = mode / np.linalg.norm(mode, axis=1).max()
     shape *= np.sign((shape * model.force).sum()) or 1.0  # so that the imperfection has the direction of the loads
     middle = model.solid.columns[:, 2]
-    watched = middle[:: -(-len(middle) // 1000)]  # at most 1000 vertices
+    watched = middle[:: -(-len(middle) // 1000)]  # watch at most 1000 vertices
     largest_factor = 1.2 * linear
     progress("nonlinear", f"loads up to {largest_factor:.3g} times theirs, with large displacements")
     start = model.solid.nodes + imperfection * shape
     path = load_path(model, start, (largest_factor,), watched, seconds, last_point)
     limit_step, given_way = limit_of(path)
-    # without an equilibrium just above the last load, finer steps do not help
+    # finer steps do not help if there is no equilibrium just above the last load
     has_no_equilibrium = given_way and limit_step == len(path.load) - 1
     if not has_no_equilibrium and (fine := softest_range(path)) is not None:
         progress("nonlinear", f"loads from {fine[0]:.3g} to {fine[1]:.3g} times theirs in finer steps")
@@ -163,8 +163,8 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the number of the point at which a path may stop, or None. This is the end of a snap, or a point at which
-    CalculiX only halves its steps: a step of less than 2.5 % of the load failed there."""
+    """Return the number of the point at which a path may stop, or None. It is the end of a snap, or a point from which
+    CalculiX fails even with a step of less than 2.5 % of the load."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:

@@ -173,7 +173,7 @@ class SweepFolder:
         return cls(path, plan, base_preset(plan))
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
-        """Return the data that all runs need. ship_mesh : True to add the mesh file, for workers without access."""
+        """Return the data that all runs need. ship_mesh : True to add the mesh file, which workers may not find."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
@@ -190,7 +190,7 @@ class SweepFolder:
         report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Carry out waiting and interrupted runs, and runs in states `retry`; those that killed workers come last."""
+        """Carry out waiting and interrupted runs, and runs in states `retry`. Runs that killed workers come last."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:
@@ -227,7 +227,7 @@ class SweepFolder:
         return write_tables(self.path, records(self.rows(), self.plan.measured_metrics, self.plan.limits))
 
     def deliver(self, outcome: Outcome, changes: Changes) -> list[str]:
-        """Write the files of a run, and a log if it failed; return their names. Raises ExportError if that fails."""
+        """Write the files of a run, and a log if it failed; return their names. Raises ExportError if writing fails."""
         names = []
         for name, content in outcome.files.items():
             place = f"{PICTURES}/{outcome.number:05}.png" if name == "picture.png" else None

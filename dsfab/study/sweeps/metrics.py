@@ -62,8 +62,8 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the width (m) that stripes exceed on 90 % of their area. It is 2 d / |grad z| for a stripe of the field z,
-    where d is the largest difference from the middle of the stripe."""
+    """Return the width (m) that stripes exceed on 90 % of their area. It is 2 d / |grad z| for a stripe of the field z.
+    d is the half-width: the difference of z between the middle and the edge of the stripe."""
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)
@@ -128,7 +128,7 @@ def _stress(design: Design) -> float:
 
 
 def _ersatz(design: Design) -> float:
-    """Return the compliance of the uncut surface with the stiffness of each face times its share of material."""
+    """Return the compliance of the uncut surface, with each face's stiffness multiplied by its share of material."""
     surface = design.surface
     share = np.bincount(design.sheet.parent, design.sheet.surface.areas, surface.m) / surface.areas
     loads = [load.on_share(surface, share) for load in design.statics.loads(design.preset.followed_weights).values()]

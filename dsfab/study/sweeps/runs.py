@@ -149,7 +149,7 @@ class RunRow:
 
 
 class Store:
-    """The database of a sweep folder, for `with Store.open(folder) as store`.
+    """The database of a sweep folder; to be used as `with Store.open(folder) as store`.
     Every method raises DsfabError if the disk is full or the file cannot be used."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
@@ -225,7 +225,7 @@ class Store:
         return str(rows[0][0]) if rows else None
 
     def describe(self, texts: Mapping[str, str]) -> None:
-        """Record texts about the sweep, by key."""
+        """Record texts about the sweep under their keys."""
         with self._change() as db:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
 
@@ -245,7 +245,7 @@ class Store:
         return count
 
     def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
-        """Set runs in these states (by default, of an interrupted session) to waiting. Return their number."""
+        """Set runs in these states to waiting; default: the runs of an interrupted session. Return their number."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
@@ -318,12 +318,12 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 
 FEWEST, PER_AXIS = 12, 4
-"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. The number of
-evaluations has no influence, so that a search can be extended."""
+"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. It does not depend on
+the number of evaluations, so that a search can be extended."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
-"""Smallest costs of runs that miss constraints, failed, or were not made; nearer to a limit costs less [Deb 2000]."""
+"""Smallest costs of runs that miss constraints, failed, or were not made. A smaller miss costs less [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Function that makes the proposed runs that are missing, and returns all runs by `digest`."""
+"""Function that makes those proposed runs that are missing, and returns all proposed runs by `digest`."""
 
 
 def search(plan: Plan, make: Make) -> None:

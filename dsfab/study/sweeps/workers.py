@@ -159,7 +159,7 @@ class Workers(Protocol):
 
 
 class OneWorker:
-    """A set of workers of which only the first one works; the others are stopped, so that it has the whole memory."""
+    """A set of workers in which only the first one works. It has the whole memory, because the others are stopped."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew
@@ -254,7 +254,7 @@ class LocalWorkers:
 
 @contextmanager
 def quiet_start() -> Iterator[None]:
-    """Return a context in which new processes get one thread each and ignore Ctrl-C, which the coordinator handles."""
+    """Return a context. In it, new processes get one thread each and ignore Ctrl-C, which the coordinator handles."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     in_main_thread = threading.current_thread() is threading.main_thread()

@@ -120,7 +120,7 @@ class Summary:
 
 
 def summary(rows: Sequence[TrialRow]) -> Summary:
-    """Return the statistics of a table. Raises ValueError if no row has `is_tested`."""
+    """Return the statistics of a table. Raises ValueError if `is_tested` is False for all rows."""
     rows = [row for row in rows if row.is_tested]
     if not rows:
         raise ValueError("no design was solved on a mesh beyond those of its verdict")
@@ -177,7 +177,7 @@ WIDTHS = ("plain", "constant", "graded")
 
 @dataclass(frozen=True)
 class Kind:
-    """Designs of one surface: a shipped preset, changes of it, and a range of random frequencies."""
+    """Designs of one surface: a shipped preset, changes to this preset, and a range of random frequencies."""
 
     preset: str
     changes: dict[str, Any]
@@ -259,7 +259,7 @@ def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
         tuple(mesh_level.compliance[case] for mesh_level in levels),
         tuple(mesh_level.zz_membrane[case] + mesh_level.zz_bending[case] for mesh_level in levels),
     )
-    largest_triangles = 100_000  # of a fourth mesh
+    largest_triangles = 100_000  # larger designs get no fourth mesh
     if count > 3 and (64 * row.triangles <= largest_triangles or not row.is_tested):
         finest = _solve(setting, next(finer), forces, MAIN_ELEMENTS)
         recovery = finest.zz_membrane[case] + finest.zz_bending[case]

@@ -10,10 +10,10 @@ from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
-EXTRAPOLATION_DIVISOR = 2.0  # d in the extrapolation c1 + (c1 - c0) / d from two meshes
+EXTRAPOLATION_DIVISOR = 2.0  # d in c1 + (c1 - c0) / d, the extrapolation from compliances c0, c1
 LEAST_BOUND = 0.003  # smallest bound: the calibration table itself has errors of 0.1 to 0.2 %
 QUICK_ERRORS = (0.02, 0.05)  # median and 90 % quantile of the relative error of one solve (quick)
-LEAST_EDGES_PER_MEMBER = 4.0  # narrower members, in edges of the uncut mesh, give a warning
+LEAST_EDGES_PER_MEMBER = 4.0  # members narrower than 4 edges of the uncut mesh give a warning
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
     recovery : recovery error of the finest mesh, see `Level.zz_membrane`.
     With three meshes, the value is the mean of two extrapolations: by `EXTRAPOLATION_DIVISOR` and by
     `limit_at_own_rate`."""
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest that suffice for calibration.csv
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest factors that suffice for calibration.csv
     if len(values) < 2:
         # for 19 of 20 designs, the factor 1.7 suffices
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
@@ -45,7 +45,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate by the ratio of the last two differences, limited to `STEP_RATIOS`, or by `EXTRAPOLATION_DIVISOR`."""
+    """Extrapolate by the ratio of the last two differences, within `STEP_RATIOS`; else by `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -79,9 +79,9 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     of the previous mesh. A step is the difference of the values on two successive meshes.
 
     Two meshes: half of the step is added to the last value, and the bound is the whole step. Three meshes: the value is
-    extrapolated by the ratio of the steps, and the bound is the extrapolated part. Three meshes whose steps have
-    opposite signs or do not decrease: the value is that of the finest mesh, and the bound is twice the larger or last
-    step. Only mesh errors are covered."""
+    extrapolated by the ratio of the steps, and the bound is the extrapolated part. If the steps have opposite signs or
+    do not clearly decrease, the value is that of the finest mesh, and the bound is twice the larger step, or twice the
+    last step if the steps decrease. The bound covers only errors of the mesh."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -97,14 +97,14 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     return ModeEstimate(finest + extension, max(abs(extension) / (finest + extension), LEAST_BOUND), ratio)
 
 
-REENTRANT_ANGLE = np.radians(30)  # smallest excess of the angle at a reentrant corner over 180 degrees
+REENTRANT_ANGLE = np.radians(30)  # a corner is reentrant if its angle exceeds 180 degrees by this value
 
 
 @dataclass(frozen=True)
 class Extreme:
     """Largest `value` of a quantity, its `place` (m), and the value that 99 % of the area does not exceed (`quantile`).
-    away : largest stress farther than a rib's width from corners, where the stress grows with each refinement. None for
-           other quantities, or if no face is so far away."""
+    away : largest stress at places more than a rib's width from corners; at corners, stress grows with each refinement.
+           None for other quantities, or if no face is so far away."""
 
     value: float
     place: tuple[float, float, float]

@@ -35,7 +35,7 @@ from dsfab.surface import LoadCase, Surface
 
 
 class Shares(NamedTuple):
-    """Forces of a load on a cut sheet, newtons, by places on the uncut surface. They do not depend on the cut mesh.
+    """Forces of a load on a cut sheet, newtons, assigned to places on the uncut surface; the same for every cut mesh.
     vertices : (n, 3) forces on the material around each vertex of the uncut surface.
     faces    : (p, 3) forces on the material in each uncut face, up to the last face with material."""
 
@@ -44,7 +44,7 @@ class Shares(NamedTuple):
 
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
-    """Return the forces of each load by places on the uncut surface.
+    """Return the forces of each load, assigned to places on the uncut surface.
     loads : loads on the sheet. A force inside an uncut face is divided between the vertices of this face."""
     areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
@@ -58,14 +58,14 @@ def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
 def on_mesh(
     surface: Surface, sheet: Sheet, uncut_loads: Mapping[str, LoadCase], forces: Mapping[str, Shares]
 ) -> tuple[dict[str, LoadCase], dict[str, SpreadLoad]]:
-    """Return supports and loads on any mesh of a sheet of the uncut surface.
+    """Return supports and loads for any mesh of a sheet that was cut from the uncut surface.
     uncut_loads : supports and loads on the uncut surface.    forces : `shares` of these loads.
 
     The force of a vertex spreads over the material around it, in proportion to the linear shape function of the uncut
-    mesh. So the load is the same on every mesh. It is no point force, because the displacement under a point force
+    mesh. So the load is the same on every mesh. It is not a point force, because the displacement under a point force
     does not converge. A load on a face spreads evenly over the material of this face."""
     F, areas = sheet.surface.F, sheet.surface.areas
-    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum of the corners
+    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum over the corners
     mass = np.asarray(hats.T @ areas)
     material = np.bincount(sheet.parent, areas)
     cases, spreads = {}, {}
@@ -84,8 +84,8 @@ PARABOLIC_SHEAR = 6 / 5  # energy factor of a parabola of shear stress over the 
 class RibSoftening(NamedTuple):
     """Effects that make a solid softer than a thin sheet, as compliances divided by that of the thin sheet.
     torsion : additional compliance if ribs twist as bars; inf if the second solve fails.
-    shear   : compliance by transverse shear, 6 q^2 / (5 G h) per square metre. The shear force q is a mean of faces
-              within half a thickness.
+    shear   : compliance by transverse shear, 6 q^2 / (5 G h) per square metre. q: shear force, averaged over faces
+              within half a thickness. G: shear modulus. h: thickness.
     bending : compliance by bending, times the square root of thickness / mean rib width."""
 
     torsion: float
@@ -124,7 +124,7 @@ def rib_softening(
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
     """Return the matrix (m, m) that averages vectors of faces over all faces within `reach` metres, weighted by area.
-    Vectors of faces whose normals are opposite change their sign."""
+    Vectors change their sign between faces with opposite normals."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -141,7 +141,7 @@ def theory_share(soft: RibSoftening) -> float:
 
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
 """Elements (membrane and bending) of a verdict, and a second pair whose errors mostly have the opposite sign."""
-QUICK_ELEMENTS = elements_of("compliance_once")  # for one solve (quick)
+QUICK_ELEMENTS = elements_of("compliance_once")  # elements for one solve (quick)
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
@@ -183,7 +183,7 @@ def level(
     pairs: tuple[Elements, ...] = (MAIN_ELEMENTS, SPREAD_ELEMENTS),
     ribs: bool = False,
 ) -> Level:
-    """Solve the sheet on one mesh, under loads on the same supports.
+    """Solve the sheet on one mesh, under loads that have the same supports.
     ribs : True to add a second solve in which ribs twist as bars, see `RibSoftening`.
     Raises StaticsError if a solve fails."""
     start = time.perf_counter()

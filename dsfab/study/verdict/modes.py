@@ -29,7 +29,7 @@ from dsfab.study.verdict.levels import memory_needed, on_mesh, shares
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-MODE_ELEMENTS: Elements = elements_of("buckling")  # also for frequencies, for the same stiffness matrix
+MODE_ELEMENTS: Elements = elements_of("buckling")  # frequencies use the same stiffness matrix
 
 
 @dataclass(frozen=True)

@@ -244,7 +244,7 @@ class Refinement:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         pairs: tuple[Elements, ...] = (QUICK_ELEMENTS,)
-        if self.depth == "full":  # the second pair is only solved on the first mesh
+        if self.depth == "full":  # the second pair of elements is solved only on the first mesh
             pairs = (MAIN_ELEMENTS,) if self.levels else (MAIN_ELEMENTS, SPREAD_ELEMENTS)
         ribs = self.depth == "full" and not self.levels
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))
