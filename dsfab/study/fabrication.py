@@ -223,7 +223,7 @@ def _changes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
         key, current = "pattern.width.min_gap", pattern.width.min_gap
         if current >= check.limit[0]:
             key, current = "slicing.min_opening", design.preset.slicing.min_opening or 0.0
-        changes[key] = _raised_value(current, check)
+        changes[key] = raised_value(current, check)
     return changes
 
 
@@ -248,18 +248,18 @@ def spacing_changes(design: Design, factor: float) -> dict[str, Any]:
 def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
     pattern = preset.pattern
     if check.what == "the rim" and pattern.rim < MARGIN * check.limit[0]:
-        return {"pattern.rim": _raised_value(pattern.rim, check)}
-    width = _raised_value(pattern.width.asked_least, check)
+        return {"pattern.rim": raised_value(pattern.rim, check)}
+    width = raised_value(pattern.width.asked_least, check)
     changes = {"pattern.width.min_width": width}
     if check.what == "a kept region":
-        changes["pattern.keep"] = _raised_value(pattern.keep, check)
+        changes["pattern.keep"] = raised_value(pattern.keep, check)
     if 0 < pattern.width.max_width < width:
         changes["pattern.width.max_width"] = width
     return changes
 
 
-def _raised_value(value: float, check: Check) -> float:
-    """Return a larger width: the limit; or, if the old width is already above it, up to 1.25 times the old width."""
+def raised_value(value: float, check: Check) -> float:
+    """Return a larger width (m): the limit; or, if the old width is already above it, up to 1.25 times the old width."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)

@@ -128,7 +128,7 @@ def guessed_preset(preset: Preset) -> Preset:
     if not guess:
         surface = surface_step(preset.with_thickness(1.0), Log(None))
         guess = sizes(surface, preset.statics.material).thickness
-    return preset.with_thickness(min(_stock(preset, guess)[0], key=lambda t: abs(np.log(t / guess))))
+    return preset.with_thickness(min(stock_thicknesses(preset, guess)[0], key=lambda t: abs(np.log(t / guess))))
 
 
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
@@ -141,10 +141,10 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
     guess = guessed_preset(preset)
-    stock, source = _stock(preset, guess.statics.thickness)
+    stock, source = stock_thicknesses(preset, guess.statics.thickness)
     design, trials = _standing_design(guess, stock[-1], progress), list[SizingTrial]()
     thickness = design.preset.statics.thickness
-    candidates, ladder = list[tuple[SizingTrial, Preset]](), _changes(design)
+    candidates, ladder = list[tuple[SizingTrial, Preset]](), further_changes(design)
     for changes in ladder:
         changed = with_overrides(preset, changes)
         design = Design.from_preset(changed.with_thickness(thickness), design, progress)
@@ -202,7 +202,7 @@ def _with_result(design: Design, result: SizingResult) -> Design:
     return design
 
 
-def _stock(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
+def stock_thicknesses(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
     """Return the thicknesses to try (m), ascending, and the source of this list. guess : metres."""
     if preset.sizing.thicknesses:
         return sorted(preset.sizing.thicknesses), "sizing.thicknesses of the preset"
@@ -216,7 +216,7 @@ def _stock(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
     return within_reach or [min(stock.metres, key=lambda t: abs(t - guess))], source
 
 
-def _changes(design: Design) -> list[dict[str, Any]]:
+def further_changes(design: Design) -> list[dict[str, Any]]:
     """Return the changes of the pattern to try in turn: none, more material, then also a smaller spacing."""
     width, wider = design.preset.pattern.width, dict[str, Any]()
     if width.solid_fraction:

@@ -18,7 +18,7 @@ from dsfab.report.assembly import assembly_page, assembly_pdf, assembly_steps
 from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, drawn_faces, painted_faces
 from dsfab.report.assembly.bar_pages import bar_on_plate, bar_row, bar_steps
 from dsfab.report.assembly.book import book_pages
-from dsfab.report.assembly.flat_parts import _node_ticks
+from dsfab.report.assembly.flat_parts import node_ticks
 from dsfab.report.assembly.overview import refolded_pages, strip_quads
 from dsfab.report.assembly.paper import PAPER_HEIGHT, PAPER_WIDTH, DrawingTransform, PaperBox, usual_scale
 from dsfab.surface import Surface, signed_volume
@@ -111,7 +111,7 @@ def test_the_name_of_a_node_that_would_touch_the_one_before_is_left_out():
     """Nodes 1.5 mm apart on paper, with names 1.8 mm high."""
     nodes = [SimpleNamespace(members=("A1", f"B{k}"), at=(1.5 * k, 0.0)) for k in range(3)]
     plan, paper = SimpleNamespace(graph=SimpleNamespace(nodes_along={"A1": nodes})), Recorder()
-    _node_ticks(paper, plan, SimpleNamespace(id="A1"), (50.0, 50.0), 1.0)
+    node_ticks(paper, plan, SimpleNamespace(id="A1"), (50.0, 50.0), 1.0)
     assert [text for text, *_ in paper.words if text.startswith("B")] == ["B0", "B2"]
 
 

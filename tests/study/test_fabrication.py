@@ -20,7 +20,7 @@ from dsfab.slicing import cut, with_least_widths
 from dsfab.slicing.finishing.mesh_quality import quality
 from dsfab.slicing.finishing.openings import filled_openings
 from dsfab.slicing.measures.widths import features, kept_cells
-from dsfab.study.fabrication import _raised_value, fabrication, fixed_design, refusals, require_fit
+from dsfab.study.fabrication import fabrication, fixed_design, raised_value, refusals, require_fit
 from tests.meshes import mesh_file
 from tests.presets import GLOBE_MODES
 from tests.shapes import grid, jittered
@@ -359,7 +359,7 @@ def test_fix_names_limits_that_no_pattern_can_meet(cantilever, limits, words):
 )
 def test_fix_asks_for_a_little_more_than_a_limit_of_width(asked, measured, least, most):
     """Also where as much is asked already, of which the cut leaves too little."""
-    assert least < _raised_value(asked, SimpleNamespace(limit=(0.1,), value=(measured,))) < most
+    assert least < raised_value(asked, SimpleNamespace(limit=(0.1,), value=(measured,))) < most
 
 
 @pytest.mark.slow

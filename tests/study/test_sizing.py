@@ -19,7 +19,7 @@ from dsfab.study import guessed_preset, run_sized, sized_preset, sizing_result
 from dsfab.study.calculix import load_path, lowest_buckling, solid_model
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics
 from dsfab.study.check_model import cut_model
-from dsfab.study.sizing import _changes, _stock
+from dsfab.study.sizing import further_changes, stock_thicknesses
 from tests.calculix import ccx, needs_ccx
 
 AUTO = {
@@ -127,7 +127,7 @@ def test_a_preset_with_an_open_thickness_is_sized_where_it_is_run_and_not_again_
 
 
 def test_closer_members_have_three_quarters_of_the_spacing(counted):
-    *_, closer = _changes(counted[0])
+    *_, closer = further_changes(counted[0])
     assert (closer["pattern.major.spacing"] / 3.1, closer["pattern.minor.spacing"] / 2.0) == pytest.approx(
         (0.75, 0.75), abs=0.02
     )
@@ -135,7 +135,7 @@ def test_closer_members_have_three_quarters_of_the_spacing(counted):
 
 def test_thicknesses_without_a_stock_grow_by_about_a_seventh():
     bare = vault().model_copy(update={"statics": vault().statics.model_copy(update={"material": None})})
-    steps = np.array(_stock(bare, 0.1)[0])
+    steps = np.array(stock_thicknesses(bare, 0.1)[0])
     assert 0.1 in steps
     assert (steps[-1] / steps[0]) ** (1 / (len(steps) - 1)) == pytest.approx(1.15, abs=0.01)
 

@@ -103,7 +103,7 @@ def test_a_slot_widens_with_the_lean_of_the_assembly_direction():
 
 def test_planks_that_meet_at_under_thirty_degrees_get_no_slot(monkeypatch):
     """As the angle of each node says."""
-    monkeypatch.setattr(slots, "_crossing", lambda node, *given: node)
+    monkeypatch.setattr(slots, "slot_crossing", lambda node, *given: node)
     graph = graph_of("hypar")
     two = [node for node in graph.nodes if node.kind == "crossing"][:2]
     nodes = [replace(node, angle=angle) for node, angle in zip(two, (25.0, 35.0), strict=True)]

@@ -235,7 +235,7 @@ def _member_row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scal
         return
     start, mid = PAGE.x + NAMES, y + 11.0
     paper.polylines([np.array([[start, mid], [start + scale * member.length, mid]])], INK, 1.6)
-    _node_ticks(paper, plan, member, (start, mid), scale)
+    node_ticks(paper, plan, member, (start, mid), scale)
     for part in pieces:
         if plan.bars and scale * (part.span[1] - part.span[0]) > APART:
             paper.text((start + scale * sum(part.span) / 2, mid + 1.2), part.id.rpartition(".")[2], 5.2, RED, "middle")
@@ -244,7 +244,8 @@ def _member_row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scal
             paper.polylines([np.array([[x, mid - 2.2], [x, mid + 2.2]])], RED, 1.2)
 
 
-def _node_ticks(paper: Paper, plan: WorkshopPlan, member: Member, origin: tuple[float, float], scale: float) -> None:
+def node_ticks(paper: Paper, plan: WorkshopPlan, member: Member, origin: tuple[float, float], scale: float) -> None:
+    """Draw a tick and the name of each node along a member. origin : paper coordinates (mm) of the member's start."""
     assert plan.graph is not None
     (start, middle), labelled = origin, -np.inf
     for node in plan.graph.nodes_along[member.id]:

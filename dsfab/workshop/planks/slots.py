@@ -131,11 +131,11 @@ def plank_crossings(
             result.sharp_nodes.append(node.id)
             continue
         (lower, s), (upper, t) = pairs
-        result.crossings.append(_crossing(node.id, (lower, upper), (courses[lower], courses[upper]), (s, t)))
+        result.crossings.append(slot_crossing(node.id, (lower, upper), (courses[lower], courses[upper]), (s, t)))
     return result
 
 
-def _crossing(
+def slot_crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
     """Return the crossing of two planks. Newton steps along both axes bring their points onto one surface normal."""
