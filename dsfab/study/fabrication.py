@@ -259,7 +259,7 @@ def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def raised_value(value: float, check: Check) -> float:
-    """Return a larger width (m): the limit; or, if the old width is already above it, up to 1.25 times the old width."""
+    """Return a larger width (m): the limit, or up to 1.25 times an old width that is above the limit."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)
