@@ -153,7 +153,7 @@ def test_two_pieces_have_two_constant_modes_and_neither_is_returned():
 def test_modes_beyond_the_vertices_are_refused():
     surface = grid(2, 2, 1.0, 1.0)
     L = diffusion_operator(surface, diffusion_tensors(surface, constant_stress(surface, 1, 0)).major)
-    with pytest.raises(PatternError, match="the surface has 9: refine the mesh"):
+    with pytest.raises(PatternError, match="the surface has 9; refine the mesh"):
         diffusion_modes(surface, L, 7)
     big = diffusion_modes(
         ZOO["flat"](),
