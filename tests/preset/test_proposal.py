@@ -180,7 +180,14 @@ def test_a_bowl_is_no_dome_on_its_side():
 
 @pytest.mark.parametrize(
     ("name", "up"),
-    [("spot", "y"), ("bob", "y"), ("torus", "y"), ("camelhead", "y"), ("halftunnel", "-y"), ("hypar", "z")],
+    [
+        ("spot", "y"),
+        ("bob", "y"),
+        ("torus", "y"),
+        pytest.param("camelhead", "y", marks=pytest.mark.slow),
+        ("halftunnel", "-y"),
+        ("hypar", "z"),
+    ],
 )
 def test_the_vertical_axis_of_files_is_found(name, up):
     assert propose(mesh_file(f"{name}.obj")).preset.surface.up == up
@@ -227,7 +234,7 @@ def test_a_funnel_stands_on_a_column_or_hangs_from_its_upper_rim(across):
         ("canopy_mm", ["foot 1", "foot 2", "foot 3", "foot 4"]),
         ("sail_yup", ["foot 1", "foot 2", "foot 3"]),
         ("ngon_dome", ["base ring"]),
-        ("scan", ["springing line 1", "springing line 2"]),
+        pytest.param("scan", ["springing line 1", "springing line 2"], marks=pytest.mark.slow),
         ("two_sheets", ["foot 1", "foot 2", "foot 3", "foot 4"]),
         ("figure", ["foot 1", "foot 2"]),
         ("mushroom_slab", ["column 1", "column 2"]),
@@ -296,6 +303,7 @@ def test_units_are_guessed_from_the_size(tmp_path):
     assert preset_for(obj(tmp_path / "roof.obj", roof, 100.0), unit="cm").surface.unit == "cm"
 
 
+@pytest.mark.slow
 def test_loads_of_roofs_and_figures(own):
     def kinds(name):
         return [load.kind for load in propose(own[name], up="z").preset.surface.load]

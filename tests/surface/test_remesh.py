@@ -105,6 +105,7 @@ def test_size_and_turn_make_no_difference(power, angle, edge):
     check_kept(turned, remeshed_surface(turned, edge), edge)
 
 
+@pytest.mark.slow
 def test_another_process_makes_the_same_bytes():
     code = (
         "import hashlib; from tests.canopy import canopy; from dsfab.surface import remeshed_surface; "
