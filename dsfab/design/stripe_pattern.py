@@ -66,7 +66,7 @@ def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Lay
 
 
 def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
-    """Return the options with which the cut along all layers removes loose ends; None if loose ends remain."""
+    """Return the options for a cut along all layers that removes loose ends; None if the preset keeps loose ends."""
     if not preset.pattern.removes_loose_ends:
         return None
     names = [layer.name for layer in layers]
@@ -97,7 +97,8 @@ UNREPORTED = 2 * SHARE_TOLERANCE  # Largest error of the solid fraction that dsf
 
 
 class _ShareTrial(NamedTuple):
-    """A trial: shares of the surface requested from stripes (`aim`), added by finishing, and in total; the stripes."""
+    """Trial stripes (`result`), with shares of the surface.
+    aim : requested from the stripes.    added : added by finishing.    total : share after finishing."""
 
     aim: float
     added: float
@@ -120,7 +121,7 @@ def corrected_pattern(
                     0.
 
     Stripes get the requested share minus the added share. The added share jumps if openings close; then the search
-    takes middle values between a smaller and a larger total."""
+    tries the mean `aim` of two trials: one with too little material, one with too much."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -156,7 +157,7 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the mean `aim` of the two trials next to the requested total, below and above it; 0 if there are none."""
+    """Return the mean `aim` of two trials, one below and one above the requested total; 0 without such a pair."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0
@@ -185,7 +186,7 @@ class WidthSearch(NamedTuple):
 
 @dataclass
 class _MeasuredShares:
-    """Function that cuts the surface along layers, and returns the share of the surface that they cover.
+    """Function that cuts the surface along layers, and returns the share of the surface that layers cover.
     reached  : all measured shares.    layers : the latest layers.
     polygons : surface cut along the latest layers.    trial : latest cut with finishing."""
 
@@ -298,8 +299,8 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 def least_width(preset: Preset, surface: Surface) -> float:
     """Return the default least width (m) of evenly spaced members of varying width. It is the thickness for graded
-    members, and the least width of a workshop for stressed members. So slicing need not widen members, which is
-    slow."""
+    members, and the least width of a workshop for stressed members. So slicing does not have to widen
+    members, a slow step."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -394,7 +395,8 @@ def layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Layers for multiples of a width factor; the latest layers are stored."""
+    """Layers for any multiple of a width factor (`factor`). The layers for the last multiple are stored.
+    layers : function that returns layers.    closing : width factor that decides which openings close."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -446,7 +448,7 @@ def drawable_families(
 
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
-    """Return the size of the stress (n, 2) along each family, divided by the mean of both, for graded widths.
+    """Return the absolute stress (n, 2) along both families, divided by its mean, for graded widths.
     Raises PatternError if the stress is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:

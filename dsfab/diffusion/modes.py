@@ -1,4 +1,4 @@
-"""Modes of a diffusion operator: its smallest eigenpairs, with signs by axes that rotate with the surface."""
+"""Modes of a diffusion operator, for its smallest eigenvalues. Axes that rotate with the surface give the signs."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
     The axes are the first clear directions of this list:
     1. the vectors
     2. the lines from the surface's centroid to the centroid of each weight
-    3. the skew of the area
+    3. the mean of |x|^2 x over the area, for x from the centroid
     4. principal axes of inertia of the area and of the weights, towards positive third moments
     5. the axes x, y and z"""
     mass = voronoi_mass(surface)
@@ -75,9 +75,9 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
 
 
 REPEATED = 1e-6  # Eigenvalues count as repeated if their relative difference is smaller.
-VISIBLE = 1e-2  # Smallest part of a reference field in an eigenspace that decides a basis or a sign.
+VISIBLE = 1e-2  # A reference field decides a basis or a sign only if its part in the eigenspace is larger.
 SPARE = 2
-"""Number of eigenpairs computed beyond the request, so that a repeated last eigenvalue is mostly complete."""
+"""Number of additional eigenpairs, so that usually all copies of a repeated last eigenvalue are computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ def diffusion_modes(
     the solver (`_canonical`).
 
     axes     : (3, 3) rows, for signs and bases; default: the axes of the surface alone (`reference_axes`).
-    symmetry : if set, only modes with equal values at all images count.
+    symmetry : if set, only modes with equal values at all symmetric images of a point count.
     Raises PatternError if the mesh has too few vertices for k modes."""
     return family_modes(surface, [L], k, axes, symmetry)[0]
 
@@ -128,7 +128,7 @@ def family_modes(
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
     """Return the modes of several operators (n, n) on one surface, as `diffusion_modes` does, with common axes (3, 3).
-    The operators must have the same pattern, which is analysed once."""
+    The operators must have nonzeros at the same places; these are analysed once."""
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
     families, solve = [], None
@@ -163,7 +163,7 @@ def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, 
 
 
 def _root(surface: Surface, mass: Floats) -> Floats:
-    """Return the square root (n,) of the mass, but of the whole area at a vertex without faces, whose mass is 0."""
+    """Return the square root (n,) of the mass. A vertex without faces gets the root of the whole area instead of 0."""
     return np.sqrt(np.where(mass > 0, mass, surface.area))
 
 
@@ -187,9 +187,9 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
-    """Return the smallest `count` eigenpairs of A (n, n), ascending, by Lanczos on `solve`: b -> (A + shift)^-1 b.
-    Four vectors for each pair make restarts rare. The tolerance is 0, because copies of a repeated eigenvalue grow from
-    rounding errors."""
+    """Return the smallest `count` eigenpairs of A (n, n), ascending. solve : function that returns (A + shift)^-1 b.
+    Four Lanczos vectors for each pair make restarts rare. The tolerance is 0, because copies of a repeated eigenvalue
+    grow from rounding errors."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # always the same start, so the same modes
     try:
@@ -236,7 +236,8 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return an M-orthonormal basis of `space` (n, c): reference fields without their parts along earlier vectors."""
+    """Return an M-orthonormal basis of `space` (n, c) that does not depend on the solver.
+    The reference fields are projected on `space`, and orthonormalised in turn until the basis is complete."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

@@ -60,7 +60,7 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     """Return the shape and the band of kept material, from values x (n,) or (n, 2) at the vertices of the sheet.
     "reach": all points near a place. "plate": a region. "band": a strip along an outline, with x (n, 2)."""
     zero = np.zeros(1)
-    if x.ndim == 2:  # column 0 is positive in the region; the least value of column 1 is minus the width
+    if x.ndim == 2:  # column 0 is positive in the region; column 1: distance from its outline minus the band's width
         width = -float(x[:, 1].min())
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
@@ -70,7 +70,7 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 
 
-DISC = 0.4  # Least area of a disc of kept material, as a fraction of a circle with an equal perimeter.
+DISC = 0.4  # Smallest area of kept material that is a disc, divided by the area of a circle of equal perimeter.
 HIDDEN, COVERED = 0.05, 0.3
 """A strip (HIDDEN) or kept material (COVERED) is a member only if more than this fraction of its area is visible."""
 
@@ -82,7 +82,7 @@ class Component:
     kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : family of the pattern, or "".
     stripe : number of the stripe of most of its cells; 0 without a stripe.
     cells  : (c,) cells of the overlay, ascending.
-    core   : (c,) True for cells that define its width, without fillets.
+    core   : (c,) True for cells that define its width; False for fillets beside several members.
     line   : middle line, or None.    field : number of the pattern's field; -1 for none.
     group  : number of the overlay's stripe; -1 for none."""
 
@@ -96,7 +96,7 @@ class Component:
     group: int = -1
 
     def width(self, areas: Floats) -> float:
-        """Return the mean width (m) from areas (m,) of all cells; without a line the side of a square of equal area."""
+        """Return the mean width, m; without a line, the side of a square of equal area. areas : (m,) of all cells."""
         area = float(areas[self.cells[self.core]].sum())
         return area / self.line.length if self.line else float(np.sqrt(area))
 
@@ -127,7 +127,8 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of the stripes of a field. Stripes beside the middle have lines at mean offsets."""
+    """Return the middle lines of a field's stripes, by number of the stripe.
+    A stripe that lies beside its band's middle gets a line at its mean offset from the middle."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -204,7 +205,7 @@ def _parts(overlay: Overlay, component: Component, lines: list[MiddleLine], edge
 
 
 def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints:
-    """Return the number of the nearest line for each of connected cells (c,), along paths from cell to cell."""
+    """Return for each of connected cells (c,) the number of the line with the shortest path from cell to cell."""
     if len(lines) == 1:
         return np.zeros(len(cells), dtype=np.int64)
     place = np.full(overlay.sheet.surface.m, -1)
@@ -259,8 +260,8 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 
 def without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
-    """Give connected loose (m,) cells the label (m,) of their neighbours, if all neighbours have the same label.
-    Fairing of walls leaves such narrow cells outside of all stripes."""
+    """Give connected loose cells the label of their neighbours, if all neighbours have the same label.
+    Fairing of walls leaves such narrow cells outside of all stripes. label, loose : (m,), see `CellsByStripes`."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

@@ -1,4 +1,4 @@
-"""Natural frequencies and buckling factors of a sheet, and its supports out of its plane."""
+"""Natural frequencies and buckling factors of a sheet, and the supports of a flat sheet normal to its plane."""
 
 from dataclasses import dataclass, replace
 
@@ -77,7 +77,7 @@ MODE_RESIDUAL = 1e-3
 """Largest accepted relative residual of a mode, in the norm of the stiffness.
 The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
 
-INDEPENDENT = 1e-6  # A combination of vectors of energy 1 that has less energy than this is a rounding error.
+INDEPENDENT = 1e-6  # Vectors of energy 1 are combined. A combination with less energy than 1e-6 is a rounding error.
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,7 +62,7 @@ class SizingTrial:
 
 @dataclass(frozen=True)
 class SizingResult:
-    """The trials behind a design; the last trial is that of the design.
+    """Trials of thicknesses for a design; the last trial has the thickness of the design.
     stock : source of the list of thicknesses.     changes : changed values of the pattern, by dotted key."""
 
     trials: tuple[SizingTrial, ...]
@@ -76,7 +76,7 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield a table of the trials, then remarks.
-        every : True for all; else the chosen thickness and, if only one pattern was tried, the next thinner one."""
+        every : True for all; False for the chosen thickness and, after a single pattern, the next thinner one."""
         thickness, stock = self.trials[-1].thickness, sorted({trial.thickness for trial in self.trials})
         k = stock.index(thickness)
         shown = stock[max(0, k - 1) : k + 1] if len(self.trials) <= len(stock) + OWN_CUTS else [thickness]
@@ -105,7 +105,7 @@ class SizingResult:
 
 
 def sizing_result(design: Design) -> SizingResult | None:
-    """Return the trials behind the thickness of a design; None if its preset had a thickness."""
+    """Return the trials by which the thickness of a design was chosen; None if the preset gave the thickness."""
     result: SizingResult | None = design.existing_result("sizing")
     return result
 
@@ -235,7 +235,7 @@ class _StockTrials:
     trials: list[SizingTrial] = field(default_factory=list)
 
     def full_trial(self, k: int) -> SizingTrial:
-        """Return the trial of thickness k with its utilisation, which takes longest."""
+        """Return the trial of thickness k with its utilisation, the slowest result, computed on demand."""
         row = self.trials[k]
         if row.utilisation is None:
             outcome = use_and_movement(self.statics(row.thickness))
@@ -261,10 +261,10 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
     """Return the trial of a solved structure.
-    row : earlier trial of this thickness, for a sheet that was cut for another thickness. Its buckling factor is used
-          if `outcome` has none."""
+    row : earlier trial of this thickness, for a sheet that was cut for another thickness. If `outcome` has no buckling
+          factor, that of `row` is used."""
     targets = design.preset.sizing
-    use = outcome.use.value if outcome.use else float("inf") if row else None  # None: not yet computed in a list
+    use = outcome.use.value if outcome.use else float("inf") if row else None  # None: not yet computed
     movement = outcome.movement.share if outcome.movement else float("inf")
     factor = outcome.buckling or (row.buckling if row else float("inf"))
     excess: dict[str, float] = {} if use is None else {"utilisation": use / targets.utilisation}

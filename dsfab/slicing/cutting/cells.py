@@ -17,7 +17,7 @@ CHUNK = 1 << 13  # Number of polygons in a batch. A batch fits the processor's c
 class Cells:
     """Polygons in one flat array. Polygon i has the corners corner[start[i]], ..., corner[start[i + 1] - 1].
 
-    start    : (c + 1,) index of each polygon's first corner, and the total number h of corners.
+    start    : (c + 1,) index into `corner` of each polygon's first corner; the last entry is len(corner) = h.
     corner   : (h,) vertices. An index into `corner` is called a slot.
     sides_on : (h,) row of `CutLines` for the side that begins at each slot; 0: no line; -1 - l: level l of a split."""
 
@@ -87,7 +87,8 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Give each new side on level l its line, lines[l, polygon]; lines : (levels or 1, c or 1)."""
+        """Give each side with the mark -1 - l in `sides_on` the line lines[l, polygon].
+        lines : (levels, c), or a length of 1 if all levels or all polygons have the same line."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -138,8 +139,8 @@ LARGEST = 9
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
     """Divide convex polygons into triangles (m, 3); return also the polygon (m,) of each triangle, ascending.
 
-    X : (n, 3) positions. Polygons must have an area, but may have corners of 180 degrees.
-    Every triangle has an area, and the orientation of its polygon. Every side of a polygon is a side of a triangle."""
+    X : (n, 3) positions. The area of a polygon must not be 0. Corners of 180 degrees are allowed.
+    Triangles have an area, and the orientation of their polygon. Every side of a polygon is a side of a triangle."""
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
     for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
         which = np.flatnonzero(cells.sizes == size)
@@ -163,7 +164,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
 
 
 def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return shapes (g,), 4 sqrt(3) area / (sum of squared sides); 1 if equilateral [Bank, Smith 1997]."""
+    """Return the quality (g,) of triangles: 4 sqrt(3) area / sum of squared sides, at most 1 [Bank, Smith 1997]."""
     u, v = b - a, c - a
     w = v - u
     squares = sum((s[0] * s[0] + s[2] * s[2]) + s[1] * s[1] for s in (u, v, w))
@@ -172,9 +173,10 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    r"""Return triangles of polygons (g, size) with the best worst shape, and each triangle's row of `polygons`.
+    r"""Divide polygons (g, size) so that their worst triangle is as good as possible.
+    Return the triangles, and each triangle's row of `polygons`.
 
-      k      rating[i, j] is the worst shape in the best triangulation of the corners i, ..., j:
+      k      rating[i, j] is the worst quality in the best triangulation of the corners i, ..., j:
      / \     the maximum over k of min(rating[i, k], rating[k, j], quality(i, k, j)).
     i---j"""
     g, size = polygons.shape
@@ -210,7 +212,7 @@ def _chosen_triangles(polygons: Ints, apex: Ints) -> tuple[Ints, Ints]:
 
 
 def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
-    """Divide each polygon (g, size) by the chord with the most equal areas; return groups of parts of equal size."""
+    """Divide each polygon (g, size) by the chord with the most equal areas; return parts, grouped by size."""
     size = polygons.shape[1]
     spoke = X[polygons] - X[polygons[:, :1]]
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)

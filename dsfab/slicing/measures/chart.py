@@ -24,8 +24,8 @@ class Chart:
 
     surface : the surface with cuts; n' vertices, m' faces.    parent : (m',) face of the uncut surface (n, m).
     weights : (n', n) barycentric weights on the uncut vertices.
-    z       : (n', 2) phases of both families. After halving, whole numbers are the remaining lines only.
-    scale   : (n', 2) remaining fraction of the finest lines, such as 1/2 for every second line; 0: no phase."""
+    z       : (n', 2) phases of both families. After halving, only the remaining lines have whole numbers.
+    scale   : (n', 2) fraction of the lines that halving leaves, such as 1/2 for every second line; 0: no phase."""
 
     surface: Surface
     parent: Ints
@@ -44,7 +44,7 @@ class Chart:
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
     """Return the chart of a surface that `halve_lines` divided.
 
-    phases : both fields; default: the snapped fields of `halved`, which fit its openings."""
+    phases : of both families. Default: the phases of `halved`, which are whole numbers on its lines."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
@@ -64,7 +64,7 @@ def equal_row_groups(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
     """Group rows with equal keys (k,) and equal numbers (k, r); return each group's first row, and each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # the others are not sorted
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # only these rows are sorted
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])
@@ -84,7 +84,7 @@ def _corner_slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
     return np.asarray(order[np.searchsorted(key[order], corner_key)])
 
 
-ON = 1e-6  # Largest distance from a whole number of the phase on a middle line.
+ON = 1e-6  # Largest difference between a whole number and the phase on a middle line.
 POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
 """(4, 3) sample points of a face: about the centroids of four equal triangles in the face."""
 
@@ -113,7 +113,7 @@ class StripeChart:
 
     @classmethod
     def from_chart(cls, chart: Chart, d: Floats, kept_values: Floats) -> Self:
-        """Return the stripes of a chart; d (n, 2) half widths, and `kept` values (n,), at the uncut vertices."""
+        """Return the stripes of a chart; half widths d (n, 2) and `kept_values` (n,) are at the uncut vertices."""
         has_phase = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
         nearest_whole = np.rint(chart.z)
         z = np.where(np.abs(chart.z - nearest_whole) < ON, nearest_whole, chart.z)
@@ -138,7 +138,7 @@ class StripeChart:
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """Return a mask (m,) of faces on which phase k is not constant: it grows by over 1e-9 per surface size."""
+        """Return a mask (m,) of faces on which phase k changes, by over 1e-9 across the size of the surface."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property

@@ -50,7 +50,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # a longer line runs along a member
+    for _ in range(2000):  # a line through more triangles runs along a member
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -71,7 +71,8 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
     """Return the lines where they leave their triangles, in the frame of the half-edge there; y points outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
-    over_next, over_last = by * x - bx * y, cy * x - cx * y  # speeds towards the other two sides
+    # components of the direction (x, y) along the outward normals of the triangle's other two sides
+    over_next, over_last = by * x - bx * y, cy * x - cx * y
     with np.errstate(divide="ignore", invalid="ignore"):
         to_next = np.where(over_next > 0, np.maximum(by * (length - s), 0) / over_next, np.inf)
         to_last = np.where(over_last > 0, np.maximum(-cy * s, 0) / over_last, np.inf)
@@ -202,9 +203,10 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """Return for boundary half-edges (3 m,) the loop, metres along it to the middle, and whether directions agree.
+    """Return numbers of boundary loops (3 m,), places, directions, and lengths of loops, metres.
 
-    Return also the length of each loop. The faces need no common orientation."""
+    A place is the distance along the loop to a half-edge's middle. Directions are True for half-edges along the loop.
+    The faces need no common orientation."""
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
     label, chain, loops = _loop_chains(surface.edges.ends[edge])
@@ -280,7 +282,7 @@ class Features:
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
         """Return limits (b + 1,) of bins of width, from 0, metres, and the fraction (b,) of wall length in each bin.
 
-        limit : a width, metres, at which a bin ends; 0 for none. Widths over 3 medians, and the widest 1 %,
+        limit : a width, metres, at which a bin ends; 0 for none. Widths over 3 times the median, and the widest 1 %,
         count in the last bin. Both results may be empty."""
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
@@ -296,7 +298,7 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Return limits (b + 1,) of about `count` equal bins from 0 to `end`; one bin ends at `limit`, if this is smaller.
+    """Return limits (b + 1,) of about `count` equal bins from 0 to `end`; one bin ends at `limit` if `limit` < `end`.
 
     If this needs over `largest_count` bins, the first bin ends at the limit, and is narrower than the others."""
     if not 0 < limit < end:
@@ -310,7 +312,7 @@ def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) ->
 def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = False) -> Features:
     """Measure the smallest sizes of a cut sheet.
 
-    cells : all cells, material and void.    built : (m',) cells of the structure.    names : of the fields, see `cut`.
+    cells : all cells, material and void.    built : (m',) cells of the structure.    names : names of the fields.
     tips  : True to measure gaps in tips, too.
 
     Widths and gaps are lengths of the lines in `crossings`. They are exact between straight walls. If walls bend by an

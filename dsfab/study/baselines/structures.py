@@ -160,7 +160,7 @@ class Variant:
     make: Callable[[], Structure]
 
 
-Baseline = Callable[[ComparisonTask], list[Variant]]  # returns the variants of a competitor; the stiffest competes
+Baseline = Callable[[ComparisonTask], list[Variant]]  # returns the variants of a competitor; the stiffest one counts
 
 
 def thinner(task: ComparisonTask) -> list[Variant]:
@@ -174,7 +174,7 @@ Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return the structure whose sheet has the area of the task. Loose pieces are removed, so its stripes are wider.
+    """Return the structure whose sheet has the area of the task. Loose pieces are removed; wider stripes replace them.
     If no width gives the area, a smaller `slicing.snap` is tried. Raises PatternError if this fails, too."""
     try:
         return _structure_of_area(task, drawing)
@@ -186,7 +186,7 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
-        # loose pieces and joined narrow places change the area, too, so the widths use only 30 % of the tolerance
+        # slicing adds bridges and removes loose pieces, so the search for widths gets only 30 % of the tolerance
         structure = sliced_structure(task, drawing(task, target_share, 0.3 * SAME_MASS * task.share))
         excess = structure.sheet.surface.area / task.area - 1
         if abs(excess) <= SAME_MASS:
@@ -218,7 +218,7 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return stripes of both families with the task's area: the stripes `even`, or else on modes of `diffusion`."""
+    """Return a structure with the task's area: the stripes `even` or, by default, stripes on modes of `diffusion`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
@@ -241,13 +241,13 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # number of modes for pairs; with equal eigenvalues, any of them may be the first
+MODES = 3  # number of modes in the pairs; modes with equal eigenvalues may come in any order
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
 PHASES = (0.0, 0.25, 0.5, 0.75)  # phases, in periods, of the variants without modes
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress: a preset with equal widths, pairs of modes, and a function for the modes."""
+    """Stripes that ignore the stress: preset with equal widths, pairs of modes, and function that computes modes."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -277,7 +277,7 @@ def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Va
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
-    """Return variants on pairs of modes of the design's tensors, turned by 45 degrees in the tangent plane."""
+    """Return variants on pairs of modes. Their tensors are the design's, turned by 45 degrees in the tangent plane."""
 
     @cache
     def diffusion() -> DiffusionResult:
@@ -310,7 +310,7 @@ def grid(task: ComparisonTask) -> list[Variant]:
 
 
 def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) -> DiffusionTensors:
-    """Return diffusion tensors turned by `angle` (radians) about the faces' normals; their stresses do not change."""
+    """Return diffusion tensors turned by `angle` (radians) about the faces' normals; stored stresses do not change."""
     x, y, z = surface.normals.T
     zero = np.zeros(surface.m)
     across = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)

@@ -1,4 +1,4 @@
-"""Preparation of edges for OCCT's fillets: seams extended at corners, walls ordered, edges cut and reversed."""
+"""Preparation of edges for OCCT's fillets: extend seams at corners, put walls in order, cut and reverse edges."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return the ends (2, 2, 2) of curves (4, 6) in the parameters of a patch; None if the curves leave its side.
+    """Return the ends (2, 2, 2) of curves (4, 6) in a patch's parameters; None if the curves follow no side.
     edge  : (4, 6) poles of the edge that the curves extend.
     share : (2,) extensions at start and end, as fractions of the edge."""
     P = patch.poles
@@ -67,7 +67,7 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
     return bool(np.abs(points - bernstein(PLACES) @ poles).max() < FACE_TOLERANCE)
 
 
-FILLET_SHARE = 1 / 6  # radius of a fillet / thickness; seams extend by radius * tan(bend / 2)
+FILLET_SHARE = 1 / 6  # radius of a fillet / thickness; a seam is extended by radius * tan(bend / 2)
 MARGIN = 0.1  # a surface extends beyond its extended seam by this fraction of the seam's extension
 
 LARGE_FILLET_SHARE = 1 / 8
@@ -75,7 +75,7 @@ LARGE_FILLET_SHARE = 1 / 8
 OCCT extends the patch at such a seam along its tangents. Larger fillets have larger gaps, and are invalid."""
 
 TANGENT_GAP = 3e-5
-"""Wanted gap (mm) at the end of the fillet. A smaller gap needs a longer seam, which would leave the patch."""
+"""Wanted gap (mm) at the end of this largest fillet. A smaller gap needs a longer seam, which would leave the patch."""
 
 POLE_OFFSET = 1e-5
 """Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face.
@@ -85,7 +85,7 @@ The seam needs a tolerance of 1.4e-5 mm. After the movement, OCCT gives it a tol
 @dataclass(frozen=True, eq=False)
 class LongSeam:
     """Extended seam, or a wall's edge beside a corner where an extended seam ends. poles : (4, 6), mm.
-    on : by face, the poles (2, k, 2) in the parameters of its two surfaces; patches first, then trimmed faces."""
+    on : number of a face -> poles (2, k, 2) in the parameters of its two surfaces. Patches have the first numbers."""
 
     poles: Floats
     on: dict[int, Floats]
@@ -98,7 +98,7 @@ def curves_beyond(model: NetModel) -> dict[int, Floats]:
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return for each extended edge, by number, both extensions (2,) / edge length, and the extended poles (4, 6)."""
+    """Return a dict: edge number -> extensions (2,) at both ends / edge length, and poles (4, 6) of the longer edge."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -136,8 +136,8 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend seams and their surfaces, except seams that would leave one of their faces.
-    Return the model, the trimmed faces, and the extended seams and the walls' edges beside them, by edge number."""
+    """Extend seams and their surfaces, but not a seam that would then run outside one of its two faces.
+    Return the model, the trimmed faces, and a dict: edge number -> extended seam, or edge of a wall beside its end."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -184,7 +184,8 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return parameter boxes, and ends (2, 2, 2) of curves, for patches beside a seam that continues a wall's edge."""
+    """Return two dicts for patches beside a seam that continues a wall's edge, by number of the patch.
+    First: new parameter boxes (2, 2, 2). Second: ends (2, 2, 2) of curves that the patch must contain."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -257,7 +258,7 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
 CLEAR_EDGE = 1 / 7  # a wall's edge is cut beyond the end of a fillet of this radius / thickness
 
 LONGEST_SHARE = 4.0
-"""Largest length of an edge at a corner / (thickness * t). t is the tangent of half the bend, but at most 1.
+"""Largest length of an edge at a corner, divided by (thickness * t). t is the tangent of half the bend, but at most 1.
 OCCT looks for the end of a fillet at few samples of the edge. On a longer edge, it may find the wrong end."""
 
 DENSE = np.linspace(0, 1, 129)  # parameters where an edge is compared with its trimmed face
@@ -301,7 +302,7 @@ def edge_stops(
     """Return the places of cuts of an edge with poles (4, 6) and corners, as fractions of its length.
     Between a corner and its cut, no gap to the trimmed face is wider than the gaps at the corner and at the cut.
     corners : tangents of half the bend at start and end; 0 if there is no corner.
-    ending  : True at a corner where the directed edge ends; `LONGEST_SHARE` limits the distance of the cut."""
+    ending  : True at a corner where the directed edge ends; there `LONGEST_SHARE` limits the distance to the cut."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
@@ -332,7 +333,7 @@ class CutEdges:
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at `stops`, fractions from its start (`ahead`) or end. against : the first part is reversed."""
+        """Cut an edge at `stops`: fractions from its start if `ahead`, else its end. against : reverse first part."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

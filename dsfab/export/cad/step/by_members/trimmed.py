@@ -58,8 +58,8 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two directions (k, 2), right-handed: sides of the parallelogram that extends least beyond `box`.
-        The heights of its corners are those of a quadratic surface through all points."""
+        """Choose two of the `ways` (k, 2), right-handed: sides of the parallelogram that extends least beyond `box`.
+        A quadratic surface that is fitted to all points gives the heights of the parallelogram's corners."""
         least_sine = 1 / 4  # with smaller angles of the parallelogram, surfaces are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
@@ -102,10 +102,10 @@ A cut part has other points, where the gap may be wider. OCCT then allows at mos
 (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points in two groups of trials; inner points have weight 1. The smaller one is for wide gaps."""
+"""Weights of edge points in two groups of trials; inner points have weight 1. The smaller weight is for wide gaps."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of second differences of the movement of poles, in two trials.
+"""Weights of second differences of the poles' movements, in two groups of trials.
 They keep poles far from all points in place, so that OCCT's bounding box does not grow."""
 
 BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
@@ -135,7 +135,7 @@ class TrimmedFace:
     axes  : (3, 3) for each surface: two axes of its plane, and the direction of its heights.
     gap   : widest gap at the edges, mm.    off : largest distance of inner points along the mean normal, mm.
     exact : True if the surfaces run exactly, or nearly, through edges. The file then has all digits of the poles.
-    astray : distance from the mesh minus allowed distance, mm; -inf if no limit is set."""
+    astray : largest distance from the mesh minus allowed distance, mm; -inf if no limit is set."""
 
     loops: list[ChainLoop]
     outer: Floats
@@ -253,7 +253,7 @@ def height_surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    high = 2.0  # the degree rises if a pole's height above or below all points / `limits.off` is larger
+    high = 2.0  # the degree rises if a pole is farther above or below all points than this * `limits.off`
     z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
         z = raised_poles(z, BASE_DEGREE + 1)
@@ -293,7 +293,7 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
     """Rotate axes (3, 3) about the last axis if this makes the rectangle around a line (k, 3) much smaller.
     In a smaller rectangle, fewer poles are far from all points."""
-    least_gain = 3 / 4  # axes rotate only if the area falls below this fraction
+    least_gain = 3 / 4  # axes rotate only if the rectangle's area falls below this fraction
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))
@@ -306,9 +306,10 @@ def _base_poles(over: FaceDomain) -> Floats:
 
 
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    """Return heights of poles over a domain, and the distances of the surface from edges and inner points.
-    Low degrees are tried first, because high degrees have waves between points. The first fit within `limits` is
-    taken; otherwise the fit nearest to the inner points with a gap below `SPLIT`; otherwise the fit nearest to all."""
+    """Fit a surface to the points of a domain. Return the heights of its poles, and its largest distances from points
+    of edges and from inner points. Low degrees come first, because high degrees have waves between points.
+    The first fit within both `limits` is chosen. If there is none, a fit with a gap of at most `SPLIT` is chosen: the
+    one nearest to the inner points. If there is none either, the fit with the smallest sum of distances is chosen."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):
