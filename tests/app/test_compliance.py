@@ -237,7 +237,7 @@ class Scales(figures.FindingsPictures):
 
 @pytest.mark.parametrize("limit", [1.0, 1.3, 2.1, 4.4, 9.9])
 def test_a_colour_scale_has_five_to_ten_bands_and_reaches_the_limit(limit):
-    scale = Scales(None)._band_figure("", None, None, np.array([limit]), limit * 1e6, "Pa", "stress")
+    scale = Scales(None).band_figure("", None, None, np.array([limit]), limit * 1e6, "Pa", "stress")
     assert 5 <= len(scale.colours) <= 10
     assert float(scale.labels[-1]) >= limit
 

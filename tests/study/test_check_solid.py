@@ -103,7 +103,7 @@ def test_a_point_off_the_solid_by_half_a_tetrahedron_is_refused_however_far_it_m
     """The plate is 10 mm thick, and so are its tetrahedra."""
     solid = model(tmp_path, PLATE, 0.04)
     solid.interpolation(np.array([[0.1, 0.1, 0.0105]]), 1.0)
-    with pytest.raises(StaticsError, match="outside of the file's solid"):
+    with pytest.raises(StaticsError, match="the file's solid does not contain"):
         solid.interpolation(np.array([[0.1, 0.1, 0.015]]), 1.0)
 
 

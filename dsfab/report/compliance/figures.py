@@ -236,7 +236,7 @@ class FindingsPictures:
         """Draw the von Mises stress on the cut sheet: the largest of its values at top, middle and bottom."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
         limit = quantile(value, sheet.areas, 0.98) or 1.0  # 98 % of the area, without peaks at corners
-        return self._band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
+        return self.band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
         """Draw the deformed sheet, coloured by displacement; `{factor}` in the caption becomes the magnification."""
@@ -245,11 +245,12 @@ class FindingsPictures:
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
         moved = np.linalg.norm(u, axis=1)[sheet.F].mean(axis=1)
         words = caption.format(factor=significant_digits(factor, 2))
-        return self._band_figure(words, sheet.V + factor * u, sheet.F, moved, limit, "m", "displacement")
+        return self.band_figure(words, sheet.V + factor * u, sheet.F, moved, limit, "m", "displacement")
 
-    def _band_figure(
+    def band_figure(
         self, caption: str, V: Floats, F: Ints, value: Floats, limit: float, unit: str, quantity_name: str
     ) -> ReportFigure:
+        """Return a picture of the mesh V (n, 3), F (m, 3) with values (m,) in bands of colour, 0 to about `limit`."""
         step = round_number_above(limit / BANDS)
         count = max(2, math.ceil(limit / step - 1e-9))
         bands = band_colours(count)
