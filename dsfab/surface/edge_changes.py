@@ -6,7 +6,7 @@ from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, cross, edge_lengths, lengths
 from dsfab.core.errors import SurfaceError
-from dsfab.core.limits import MOST_FACES
+from dsfab.core.limits import MOST_TRIANGLES
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, adjacency, edge_table, manifold_faults, misoriented_edges, next_half_edge
 
@@ -41,7 +41,7 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
     smooth = True  : Loop's subdivision [Loop 1987] divides every triangle in four until all edges are short enough.
     Vertices move towards the smooth limit surface. Vertices on a boundary or a crease (30 degrees) stay.
 
-    Raises SurfaceError for an invalid target or more than `MOST_FACES` triangles.
+    Raises SurfaceError for an invalid target or more than `MOST_TRIANGLES` triangles.
     Raises SurfaceError also for `smooth` on a surface that is not an oriented manifold."""
     if not (np.isfinite(target) and target > 0):
         raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
@@ -75,8 +75,10 @@ def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -
 
 
 def _check_count(count: int, target: float) -> None:
-    if count > MOST_FACES:
-        raise SurfaceError(f"refining to edges of {target:g} m takes over {MOST_FACES:,} triangles; use longer edges")
+    if count > MOST_TRIANGLES:
+        raise SurfaceError(
+            f"refining to edges of {target:g} m takes over {MOST_TRIANGLES:,} triangles; use longer edges"
+        )
 
 
 def halved_edges(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:

@@ -7,13 +7,14 @@ from dsfab.design import Design
 from dsfab.statics import facet_number
 from tests.shapes import grid, lifted
 
+ENDS = [{"at": {"pick": "side", "axis": "x", "end": end}} for end in ("min", "max")]
+
 
 def plate(load: dict, **statics: object) -> dsfab.Preset:
     """A steel plate of 2 m x 1 m, held along its short edges."""
-    ends = [{"at": {"pick": "side", "axis": "x", "end": end}} for end in ("min", "max")]
     return dsfab.Preset(
         surface=grid(16, 8, 2.0, 1.0),
-        supports=ends,
+        supports=ENDS,
         loads=[load],
         statics={"thickness": 0.02, "material": "S235"} | statics,
     )
@@ -33,10 +34,9 @@ def test_a_plate_that_would_move_by_more_than_a_tenth_of_its_span_is_refused():
 
 def vault(rise: float, **statics: object) -> dsfab.Preset:
     """A shallow vault of 1 m x 1 m under pressure, held along two sides."""
-    ends = [{"at": {"pick": "side", "axis": "x", "end": end}} for end in ("min", "max")]
     return dsfab.Preset(
         surface=lifted(lambda x, _: 4 * rise * x * (1 - x)),
-        supports=ends,
+        supports=ENDS,
         loads=[{"kind": "pressure", "pressure": 1e3}],
         statics={"thickness": 0.03, "material": "S235", "bending": "hhj"} | statics,
     )

@@ -272,7 +272,7 @@ def test_impossible_lengths_are_refused(edge, finest, says):
 
 
 def test_a_finest_edge_that_takes_too_many_triangles_is_refused(monkeypatch):
-    monkeypatch.setattr("dsfab.surface.remesh.remeshing.MOST_FACES", 300)
+    monkeypatch.setattr("dsfab.surface.remesh.remeshing.MOST_TRIANGLES", 300)
     ball = Surface(0.1 * sphere(3).V, sphere(3).F)
     assert remeshed_surface(ball, 0.1).m < 300
     with pytest.raises(SurfaceError, match=r"edges of 0\.01 m takes over 300 triangles on a surface 0\.346 m large"):

@@ -288,9 +288,10 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if area[first_part].sum() < LEAST_AREA_RATIO * side**2:
             continue
         translation = _translation(V, F[first_part], F[second_part], side)
-        gap = float(np.linalg.norm(translation)) or _gap(V, F[first_part], F[second_part], side, even=True)
+        moved = len(translation) > 0
+        gap = float(np.linalg.norm(translation)) if moved else _gap(V, F[first_part], F[second_part], side, even=True)
         if gap is not None:
-            if len(translation):
+            if moved:
                 to = V[F[first_part]].mean(axis=1) + translation
                 # drop faces of the slab's sides, which are now far from the second part
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]

@@ -17,12 +17,12 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import SurfaceError
-from dsfab.core.limits import MOST_FACES
+from dsfab.core.limits import MOST_TRIANGLES
 from dsfab.core.messages import count_phrase
 from dsfab.core.units import UNIT_WORDS
 from dsfab.surface.files.polygons import Polygons
 
-DEFAULT_TRIANGLES = MOST_FACES  # Default limit on a file's triangles, the same as for meshes that dsfab creates.
+DEFAULT_TRIANGLES = MOST_TRIANGLES  # Default limit on a file's triangles, the same as for meshes that dsfab creates.
 
 
 class MalformedFileError(ValueError):

@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, lengths
 from dsfab.core.errors import SurfaceError
-from dsfab.core.limits import MOST_FACES
+from dsfab.core.limits import MOST_TRIANGLES
 from dsfab.surface.edge_changes import halved_edges, with_flipped_edges, with_longest_edges
 from dsfab.surface.loads.pickers import Extent, pierced_faces
 from dsfab.surface.mesh import Surface
@@ -253,10 +253,10 @@ def _refine(
             break
         s = outlined.surface
         edges = with_longest_edges(s.V, s.edges, edges)
-        if s.m + 2 * int(edges.sum()) > MOST_FACES:
+        if s.m + 2 * int(edges.sum()) > MOST_TRIANGLES:
             raise SurfaceError(
-                f"an outline needs over {MOST_FACES:,} triangles: it is {2 * extent.width:.3g} m wide at its narrowest "
-                "place; draw a simpler or larger outline"
+                f"an outline needs over {MOST_TRIANGLES:,} triangles: it is {2 * extent.width:.3g} m wide at its "
+                "narrowest place; draw a simpler or larger outline"
             )
         outlined = outlined.with_halved_edges(edges)
     return outlined

@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, face_angles, first_few
 from dsfab.core.errors import SurfaceError
-from dsfab.core.limits import MOST_FACES
+from dsfab.core.limits import MOST_TRIANGLES
 from dsfab.surface.mesh import Surface, nearest_places
 from dsfab.surface.remesh.edges import (
     FIXED,
@@ -54,7 +54,7 @@ def remeshed_surface(
       The bounding box of this mesh is exact to a fiftieth of `edge`.
 
     See `design_features`, `with_ears_flipped`, `without_rim_slivers` and [Vlachos et al. 2001]. Raises SurfaceError for
-    - invalid lengths, and edges that are longer than the surface or need over `MOST_FACES` triangles;
+    - invalid lengths, and edges that are longer than the surface or need over `MOST_TRIANGLES` triangles;
     - repeated faces, and edges of more than two faces."""
     _check(surface, edge, finest)
     mirrored = not sizes  # sizes may differ between mirrored sides
@@ -205,8 +205,8 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
 def _check_count(sizes: SizeField, finest: float) -> None:
     surface = sizes.surface
     count = (surface.areas / (np.sqrt(3) / 4 * sizes.length[surface.F].mean(axis=1) ** 2)).sum()
-    if count > MOST_FACES:
+    if count > MOST_TRIANGLES:
         raise SurfaceError(
-            f"remeshing to edges of {finest:g} m takes over {MOST_FACES:,} triangles on a surface {surface.size:.3g} m "
-            "large; use longer edges, or check the unit"
+            f"remeshing to edges of {finest:g} m takes over {MOST_TRIANGLES:,} triangles on a surface "
+            f"{surface.size:.3g} m large; use longer edges, or check the unit"
         )

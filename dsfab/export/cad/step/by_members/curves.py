@@ -40,7 +40,8 @@ class InnerSpline:
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
-        hats[np.arange(count + 1), span] = bernstein((self.places - self.breaks[span]) / np.diff(self.breaks)[span])
+        share = (self.places - self.breaks[span]) / np.diff(self.breaks)[span]
+        hats[np.arange(count + 1), span] = bernstein(share)
         return hats
 
 
@@ -151,7 +152,8 @@ class ChainCurve:
 def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
     """Return the poles (k, 4, d) of cubics (k, 4, d) between the parameters `start` and `end` (k,)."""
     inside = start[:, None] + (end - start)[:, None] * READ_PLACES
-    return np.asarray(POLE_MATRIX @ bernstein(inside.ravel()).reshape(len(poles), 4, 4) @ poles)
+    rows = bernstein(inside.ravel()).reshape(len(poles), 4, 4)
+    return np.asarray(POLE_MATRIX @ rows @ poles)
 
 
 def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list[ChainCurve]:
@@ -182,12 +184,14 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
     start_weights, end_weights = net.weights[start], net.weights[end]
     shares = np.arange(SAMPLES_PER_EDGE) / SAMPLES_PER_EDGE
     parts = [csr_array(start_weights * (1 - t) + end_weights * t) for t in shares]
-    Q = lifting.points(csr_array(vstack([*parts, net.weights[np.array([p[-1] for p in points])]], format="csr")))
+    last_points = net.weights[np.array([p[-1] for p in points])]
+    Q = lifting.points(csr_array(vstack([*parts, last_points], format="csr")))
     count, chord = len(start), limits.allowed_distances(Q[: len(start), :3]) - limits.distance
     inner = Q[: SAMPLES_PER_EDGE * count].reshape(SAMPLES_PER_EDGE, count, 6).transpose(1, 0, 2)
     position, result = 0, dict[int, SampledChain]()
     for i, (k, p) in enumerate(zip(numbers, points, strict=True)):
-        Qk = np.concatenate([inner[position : position + len(p) - 1].reshape(-1, 6), Q[[SAMPLES_PER_EDGE * count + i]]])
+        inner_points = inner[position : position + len(p) - 1].reshape(-1, 6)
+        Qk = np.concatenate([inner_points, Q[[SAMPLES_PER_EDGE * count + i]]])
         result[k] = SampledChain(Qk, net.chains[k].right == VOID, float(chord[position : position + len(p) - 1].min()))
         position += len(p) - 1
     return result

@@ -255,7 +255,8 @@ def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SolidPlan)
     net, model = _with_cut_ends(net, lines, model, fits, plan)
     faces = _trimmed_faces(net, model, interior, fits)
     far = OUTLINE_SHARE * plan.limits.distance
-    bad = set(model.compact) - {r for r, face in faces.items() if face.gap <= SPLIT and face.off <= far}
+    accurate = {region for region, face in faces.items() if face.gap <= SPLIT and face.off <= far}
+    bad = set(model.compact) - accurate
     if bad:
         fits.patched |= bad
         _, model = fits.model(net)

@@ -115,7 +115,8 @@ def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, t
 
 def _share(poles: Floats, end: int, half: float) -> float:
     radius = FILLET_SHARE * float(np.linalg.norm(poles[-end, :3] - poles[-end, 3:]))
-    slow = min(float(np.linalg.norm(part)) for part in np.split(poles[-end] - poles[-2 if end else 1], 2))
+    handle = poles[-end] - poles[-2 if end else 1]
+    slow = min(float(np.linalg.norm(part)) for part in np.split(handle, 2))
     return radius * half / max(3 * slow, 1e-300)
 
 

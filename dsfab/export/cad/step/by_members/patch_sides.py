@@ -272,7 +272,8 @@ class LineFits:
         if not curves:
             return lines
         poles = np.concatenate([curve.spans for curve in curves])
-        vectors = self.away((bernstein(np.linspace(0, 1, 9)[1:-1]) @ poles).reshape(-1, 6)).reshape(len(poles), -1, 3)
+        samples = bernstein(np.linspace(0, 1, 9)[1:-1]) @ poles
+        vectors = self.away(samples.reshape(-1, 6)).reshape(len(poles), -1, 3)
         chord, thick = (poles[:, 0, :3] - end for end in (poles[:, 3, :3], poles[:, 0, 3:]))
         is_long = np.linalg.norm(chord, axis=1) > np.linalg.norm(thick, axis=1)
         is_far = is_long & (np.linalg.norm(vectors, axis=2).max(axis=1) > OUTLINE_SHARE * self.distance)
@@ -356,5 +357,6 @@ def _rows(chains: Iterable[int], links: Mapping[ChainEnd, ChainEnd]) -> list[Cha
 
 
 def _halves(row: ChainLoop, turn: Turn) -> list[ChainLoop]:
-    i = 1 + int(np.argmax([turn(end_of(a), end_of((k, not ahead))) for a, (k, ahead) in pairwise(row)]))
+    turns = [turn(end_of(a), end_of((k, not ahead))) for a, (k, ahead) in pairwise(row)]
+    i = int(np.argmax(turns)) + 1
     return [row[:i], row[i:]]

@@ -245,4 +245,5 @@ def _on_the_right(F: Ints, path: Ints) -> Bools:
     start, end = half_edges(cells)
     backwards = {(int(b), int(a)) for a, b in pairwise(line)}
     adjacent = np.concatenate([half_edges_a[across], half_edges_b[across]]).tolist()
-    return np.isin(part, part[[h // 3 for h in adjacent if (int(start[h]), int(end[h])) in backwards]])
+    right_cells = [h // 3 for h in adjacent if (int(start[h]), int(end[h])) in backwards]
+    return np.isin(part, part[right_cells])

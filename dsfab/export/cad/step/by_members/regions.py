@@ -167,7 +167,8 @@ class _BorderWalk:
         direction = unit_vectors(self.P[self.end] - self.P[self.start])
         turn = np.einsum("ki,ki->k", direction[h], direction[self.after[h]])
         void = self.right[h] == VOID
-        node[self.end[h[(turn < CORNER_COSINE) & void & ~loose[h // 3]]]] = True
+        sharp = (turn < CORNER_COSINE) & void & ~loose[h // 3]
+        node[self.end[h[sharp]]] = True
         bent = turns(direction[h], direction[self.after[h]], self.N[self.end[h]]) < ROUND_COSINE
         node[self.end[h[self._round_ends(bent, void)]]] = True
         for side_a, side_b in (self._seam_points, self._seam_points[::-1]):
@@ -198,7 +199,8 @@ class _BorderWalk:
         chains, number = dict[int, Chain](), dict[int, tuple[int, bool]]()
         loops: dict[int, list[ChainLoop]] = {}
         for cycle in cycles:
-            cycle = np.roll(cycle, -int(np.flatnonzero(self.node[self.start[cycle]])[0]))
+            begin = int(np.flatnonzero(self.node[self.start[cycle]])[0])
+            cycle = np.roll(cycle, -begin)
             cuts = np.flatnonzero(self.node[self.start[cycle]])
             loop = list[tuple[int, bool]]()
             for part in np.split(cycle, cuts[1:]):

@@ -79,7 +79,8 @@ class FaceDomain:
         z = _quadric(corners.reshape(-1, 2)) @ heights
         placed = np.concatenate([corners.reshape(-1, 2), z[:, None]], axis=1) @ self.axes + self.origin
         out = _outside(placed, box).reshape(4, len(i), 3).max(axis=(0, 2), initial=0.0)
-        return ways[[x[out.argmin()] for x in (i, j)]]
+        best_pair = int(out.argmin())
+        return ways[[i[best_pair], j[best_pair]]]
 
 
 def _quadric(plane_points: Floats) -> Floats:

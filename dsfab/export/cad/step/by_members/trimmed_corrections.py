@@ -148,7 +148,8 @@ class _PeakSurface:
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
         exact = height_rows(self._places(self.held), degree).reshape(*self.held.shape[:2], -1)
-        firm = exact[np.abs(self.held @ self.axes[2] - exact @ z).max(axis=1) < exact_gap].reshape(-1, len(z))
+        distances = np.abs(self.held @ self.axes[2] - exact @ z)
+        firm = exact[distances.max(axis=1) < exact_gap].reshape(-1, len(z))
         calm = np.concatenate([self._edge_rows(degree), smooth * differences(degree + 1), still * np.eye(len(z))])
         for _ in range(rounds):
             pinned |= {int(e): _peak(gaps[e], e in pinned) for e in np.flatnonzero(self._misplaced(gaps))}
