@@ -27,7 +27,7 @@ def count_phrase(number: int, thing: str) -> str:
 
 
 def stopping_clause(count: int) -> str:
-    """Return words about bars that would collide, such as 'stops before its ends, where it would run into'."""
+    """Return the start of a clause about bars that are too short, because they would collide with others."""
     ends = "stops before its ends, where it" if count == 1 else "stop before their ends, where they"
     return f"{ends} would run into"
 

@@ -198,7 +198,7 @@ class Node:
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
     """Members and nodes of a design.
-    sheet  : kept sheet, with cells also divided along edges of hidden members. Each cell is in at least one member.
+    sheet  : sheet of the design. Edges of members divide its cells, also where another member covers these edges.
     source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet

@@ -188,7 +188,10 @@ Bytes = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
 SHARP_DEGREES = 35.0  # degrees; smallest angle between the faces of an edge that looks sharp
-LAMP_AWAY, LAMP_DEPTHS = 3.0, (1.9, 4.1)  # distance of lamps from the centre, and depths that they see; scene units
+LAMP_AWAY, LAMP_DEPTHS = (
+    3.0,
+    (1.9, 4.1),
+)  # of lamps, scene units: distance from the centre, nearest and farthest lit depth
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,8 +47,8 @@ RIVALS = {
 
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
-    """Write data and chart of the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
-    All structures are judged on finer and finer meshes. Single solves find the best pair of isotropic modes.
+    """Write data and a chart: the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
+    All structures are judged on finer and finer meshes. The pair of isotropic modes is the best of one solve each.
     coarser : edge length / `EDGE`."""
     from dsfab.study import compare_at, full_at_many_shares
 

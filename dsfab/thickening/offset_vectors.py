@@ -242,11 +242,11 @@ def safe_shares(
 
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and their lower limits (m, 3).
+    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and the least wanted ones (m, 3).
     P : (m, 3, 3) corners of the faces.
     d : (m, 3, 3) half-thickness vectors at the corners, on the side of the faces' normals.
     Coefficient [k, v] belongs to Bernstein polynomial k of s and corner v. If all coefficients are positive, the prism
-    does not fold over. Their unit is twice the area times the mean |d|."""
+    does not fold over. The unit of a face's coefficients is twice its area times the mean |d|."""
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]
     flat = cross(e1, e2)

@@ -1,4 +1,4 @@
-"""`Solid` and `thicken`: a closed, oriented, checked triangle mesh, its connected parts, and notes on repairs."""
+"""The solid of a sheet: a closed, oriented triangle mesh, its connected parts, and notes on repairs."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -288,7 +288,7 @@ def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
     bad = np.flatnonzero(used & ~(np.isfinite(D).all(axis=1) & D.any(axis=1)))
     if len(bad):
         raise SolidError(
-            f"{len(bad)} offset vectors are zero or not finite (first: {first_few(bad)}); carry them from `offsets`"
+            f"{len(bad)} offset vectors are zero or not finite (first: {first_few(bad)}); use those of `offsets`"
         )
     return (surface, D) if used.all() else (Surface(surface.V[used], (np.cumsum(used) - 1)[surface.F]), D[used])
 

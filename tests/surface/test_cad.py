@@ -358,6 +358,7 @@ def test_build_takes_all_from_one_file(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     site(tmp_path / "site.3dm", MARKS)
     few = ["--set=surface.edge=0.4", "--set=pattern.major.spacing=0.6", "--set=pattern.minor.spacing=0.6"]
+    few += ["--set=statics.thickness=0.1"]  # a given thickness is not searched for
     assert main(["build", "site.3dm", "-o", "out", "--no-picture", "--format", "stl", *few]) == 0
     said = capsys.readouterr().out
     assert "layer void" in said

@@ -188,12 +188,12 @@ class Rectangle:
 
     @cached_property
     def Wy(self) -> Floats:  # noqa: N802 - its name in the field
-        """Elastic modulus for My (b, k), m3."""
+        """Elastic section modulus for My (b, k), m3."""
         return np.asarray(self.width * self.thickness**2 / 6)
 
     @cached_property
     def Wz(self) -> Floats:  # noqa: N802
-        """Elastic modulus for Mz (b, k), m3."""
+        """Elastic section modulus for Mz (b, k), m3."""
         return np.asarray(self.thickness * self.width**2 / 6)
 
     @cached_property

@@ -263,10 +263,10 @@ def snap_values(
 
 
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
-    """Move pairs of values x (n, 2) so that the value nearer to a level (k,) lies on this level; return all pairs.
+    """Move the pair of values x (n, 2) of each vertex until one value lies on its nearest level (k,); return all pairs.
 
-    Both values of a pair move by the same step, but no value crosses a level.
-    reach : (n, 2) largest change of each value on the edges at a vertex. A pair moves by at most `fraction` of it."""
+    Both values move by the same step, and no value crosses a level.
+    reach : (n, 2) largest change of each value along the edges of its vertex; the step is at most `fraction` of it."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)

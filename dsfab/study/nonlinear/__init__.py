@@ -152,8 +152,9 @@ def softest_range(path: LoadPath) -> tuple[float, float] | None:
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:
     """Return the number of the last step that the structure bears, and True if it fails in the next step.
-    A step fails if its displacement per load is over 100 times that of the first step. It also fails in a snap, see
-    `JUMP` and `CANDIDATE`. A path that ends before its last load is a failure, unless the time limit ended it."""
+    A step fails if its displacement divided by its load is over 100 times that of the first step. It also fails if the
+    structure snaps through, see `JUMP` and `CANDIDATE`.
+    A path that ends before its last load is a failure, unless the time limit ended it."""
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
     soft = np.flatnonzero((moves > 100) | np.concatenate([[False], jump]))

@@ -1,4 +1,4 @@
-"""Folded sheets in STEP: flat facets that share straight folds, ruled walls, and their entities."""
+"""STEP entities of folded sheets: flat facets that meet at straight folds, and ruled walls."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -10,7 +10,7 @@ from numpy.polynomial import legendre
 from dsfab.export.cad.step.worker.shapes import faces_of, parts
 
 VOLUME = 1e-3  # largest relative error that the adaptive rule estimates; real errors are much smaller
-MANY_EDGES = 16  # smallest number of edges of a face for Green's theorem
+MANY_EDGES = 16  # faces with at least this many edges are integrated by Green's theorem
 
 
 class PlaneSpline(NamedTuple):
