@@ -20,10 +20,12 @@ def names_and_count(names: Sequence[str], shown: int = 5) -> str:
     return ", ".join(names[:shown]) + (f" and {len(names) - shown} more" if len(names) > shown else "")
 
 
-def count_phrase(number: int, thing: str) -> str:
-    """Return a count with its noun: '1 face', '12 faces', '2 vertices'."""
+def count_phrase(number: int, thing: str, verb: str = "") -> str:
+    """Return a count with its noun, and a verb that is given in the plural: '2 vertices', '1 edge has'."""
+    if number == 1:
+        return f"1 {thing} {'has' if verb == 'have' else verb + 's'}" if verb else f"1 {thing}"
     plural = {"vertex": "vertices"}.get(thing, thing + ("es" if thing.endswith("sh") else "s"))
-    return f"{number:,} {thing if number == 1 else plural}"
+    return f"{number:,} {plural} {verb}".rstrip()
 
 
 def stopping_clause(count: int) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, cross, edge_lengths, first_few, lengths, lock, polygon_perimeter
 from dsfab.core.errors import SurfaceError
 from dsfab.core.limits import POSSIBLE_SIZE
+from dsfab.core.messages import count_phrase
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table, pieces, pinches
 
 if TYPE_CHECKING:
@@ -134,8 +135,8 @@ class Surface:
         if self.F.min() < 0 or self.F.max() >= self.n:
             bad = np.flatnonzero((self.F.min(axis=1) < 0) | (self.F.max(axis=1) >= self.n))
             raise SurfaceError(
-                f"{len(bad)} faces name vertices outside 0..{self.n - 1} (first faces: {first_few(bad)}); repair "
-                "the mesh"
+                f"{count_phrase(len(bad), 'face', 'name')} vertices outside 0..{self.n - 1} "
+                f"(first faces: {first_few(bad)}); repair the mesh"
             )
         bad = np.flatnonzero(self.areas <= ZERO_AREA * self.size**2)
         if len(bad):

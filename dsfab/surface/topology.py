@@ -260,10 +260,11 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
     twice = duplicate_faces(F)
     touching = pinches(F, edges, n)
     note = "" if not len(opposed) or flips_to_orient(F, edges) is not None else "; the surface is not orientable"
+    many, several = (count_phrase(len(places), "edge", "have") for places in (crowded, opposed))
     faults = (
-        (crowded, f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)})"),
-        (twice, f"{len(twice)} faces repeat an earlier face (first: {first_few(twice)})"),
-        (opposed, f"{len(opposed)} edges have faces of opposite sides (first: {named_edges(opposed, edges)}){note}"),
+        (crowded, f"{many} more than two faces (first: {named_edges(crowded, edges)})"),
+        (twice, f"{count_phrase(len(twice), 'face', 'repeat')} an earlier face (first: {first_few(twice)})"),
+        (opposed, f"{several} faces of opposite sides (first: {named_edges(opposed, edges)}){note}"),
         (touching, f"parts touch in a point at {count_phrase(len(touching), 'vertex')} (first: {first_few(touching)})"),
     )
     return tuple(sentence for where, sentence in faults if len(where))

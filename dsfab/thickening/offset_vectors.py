@@ -7,6 +7,7 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, cross, first_few, lengths, lock, sorted_order
 from dsfab.core.errors import SolidError
+from dsfab.core.messages import count_phrase
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import corner_sides, one_sided_pieces
 from dsfab.surface.topology import misoriented_edges
@@ -18,7 +19,7 @@ def check_edges(surface: Surface) -> None:
     crowded = np.flatnonzero(edges.count > 2)
     if len(crowded):
         raise SolidError(
-            f"{len(crowded)} edges of the sheet have more than two faces (first, by vertices: "
+            f"the sheet has more than two faces at {count_phrase(len(crowded), 'edge')} (first, by vertices: "
             f"{_edge_names(edges.ends[crowded])}); separate the sheets that meet there"
         )
 
@@ -31,7 +32,7 @@ def check_oriented(surface: Surface) -> None:
     wrong = against[~one_sided_pieces(surface.F, edges)[edges.order[edges.start[against]] // 3]]
     if len(wrong):
         raise SolidError(
-            f"the two faces of {len(wrong)} edges of the sheet point to opposite sides (first, by vertices: "
+            f"the two faces at {count_phrase(len(wrong), 'edge')} point to opposite sides (first, by vertices: "
             f"{_edge_names(edges.ends[wrong])}); orient the faces of the mesh consistently"
         )
 
@@ -41,8 +42,8 @@ def check_contacts(surface: Surface) -> None:
     pinched = surface.pinches
     if len(pinched):
         raise SolidError(
-            f"parts of the sheet touch in a single point at {len(pinched)} vertices (first: {first_few(pinched)}); "
-            "join or split these parts before thickening"
+            f"parts of the sheet touch in a single point at {count_phrase(len(pinched), 'vertex')} "
+            f"(first: {first_few(pinched)}); join or split these parts before thickening"
         )
 
 
@@ -212,7 +213,8 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
     if len(bad) and not t.shape:
         raise SolidError(f"thickness = {thickness} m is not positive; give a positive number of metres")
     if len(bad):
-        raise SolidError(f"thickness is not a positive number at {len(bad)} vertices (first: {first_few(bad)})")
+        where = f"{count_phrase(len(bad), 'vertex')} (first: {first_few(bad)})"
+        raise SolidError(f"thickness is not a positive number at {where}")
     return np.broadcast_to(t, surface.n)
 
 

@@ -88,7 +88,7 @@ def test_a_mesh_in_memory_is_checked_as_one_of_a_file_is() -> None:
     turned = HYPAR.F.copy()
     turned[3] = turned[3][::-1]
     assert (preset(Surface(HYPAR.V, turned)).surface.build().normals[:, 2] > 0).all()
-    with pytest.raises(SurfaceError, match="edges have more than two faces"):
+    with pytest.raises(SurfaceError, match="1 edge has more than two faces"):
         preset(Surface(np.vstack([np.zeros(3), np.eye(3), [[0, -1, 0]]]), [[0, 1, 2], [0, 1, 3], [1, 0, 4]]))
 
 

@@ -124,7 +124,7 @@ def test_corner_cuts_remove_the_pinches_that_discs_leave(seed, share, monkeypatc
     assert pinch_count(done.sheet) == 0
     check_laws(surface, done.sheet)
     monkeypatch.setattr(point_contacts, "CORNER_ROUNDS", 0)
-    with pytest.raises(PatternError, match="still meets in a single point at 1 vertices"):
+    with pytest.raises(PatternError, match="still meets in a single point at 1 vertex"):
         resolve_pinches(sheet, share * surface.mean_edge, "split")
 
 
@@ -203,7 +203,7 @@ def test_surface_that_touches_itself_can_be_split_but_not_joined():
     bow_tie = Surface([[0, 0, 0], [1, 0, 0], [1, 1, 0], [-1, 0, 0], [-1, -1, 0]], [[0, 1, 2], [0, 3, 4]])
     sheet = cut(bow_tie, [np.zeros(5)], [[-1.0]])
     assert pinch_count(sheet) == 1
-    with pytest.raises(PatternError, match=r"single point at 1 vertices \(first: 0\); use the other pinch rule"):
+    with pytest.raises(PatternError, match=r"single point at 1 vertex \(first: 0\); use the other pinch rule"):
         resolve_pinches(sheet, 0.2, "join")
     done = resolve_pinches(sheet, 0.2, "split")
     assert pinch_count(done.sheet) == 0

@@ -22,7 +22,7 @@ from dsfab.surface import describe, read_surface
 from dsfab.surface.files import separate_process
 from dsfab.surface.files.drawings import closed_curves, marks_on_layers, read_dxf
 from dsfab.surface.files.mesh_files import raw_mesh
-from dsfab.surface.files.reading import DrawingBudget
+from dsfab.surface.files.reading import DrawingBudget, mark
 from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_json, read_rhino_meshes
 from dsfab.surface.shapes import plate
 from tests.bad_meshes import threemf
@@ -125,7 +125,8 @@ def test_every_object_of_a_3dm_file_is_accounted_for(tmp_path):
         assert f"1 hidden object on layer {words}" in record.dropped
     assert "1 curve on layer 'Auflager'; did you mean layer support?" in record.dropped
     assert "1 point on layer 'support 2'; did you mean layer support?" in record.dropped
-    assert record.other_words == "2 points, 1 curve"
+    assert "1 point on layer 'Auflager 2'; did you mean layer support?" in record.dropped
+    assert record.other_words == "1 curve, 1 point"
     assert record.mark_words == "1 curve on layer 'support'"
     assert describe(path).area == pytest.approx(3 * AREA)
 
@@ -545,6 +546,27 @@ def test_units_in_comments_and_from_grasshopper(word, metres, tmp_path):
     assert METRES_PER[request.unit] == pytest.approx(metres)
     with pytest.raises(HopsError, match="the unit of the model is furlongs; work in one of mm"):
         read_request(COMPONENTS["preview"], {"values": values, "modelunits": "Furlongs"})
+
+
+@pytest.mark.parametrize("word", ["miles", "Furlongs"])
+def test_an_unknown_unit_of_an_obj_file_is_refused(word, tmp_path):
+    text = f"# File units = {word}\nv 0 0 0\nv 3 0 0\nv 0 3 0\nf 1 2 3\n"
+    check_unit(written(tmp_path / "roof.obj", text), word.lower(), None)
+
+
+@pytest.mark.parametrize("comment", ["# units: see the drawing", "# file units: as drawn", "# File units = unset"])
+def test_other_words_about_units_are_no_unit(comment, tmp_path):
+    text = f"{comment}\nv 0 0 0\nv 3 0 0\nv 0 3 0\nf 1 2 3\n"
+    assert raw_mesh(written(tmp_path / "roof.obj", text)).unit is None
+
+
+@pytest.mark.parametrize(
+    ("layer_name", "hint"),
+    [("Support line", "support"), ("roof voids", "void"), ("A-LAST-01", "load"), ("upload", ""), ("sketch", "")],
+)
+def test_a_word_in_the_name_of_a_layer_is_enough_for_a_hint(layer_name, hint):
+    about = mark("curve", layer_name).about
+    assert about == (f"on layer {layer_name!r}; did you mean layer {hint}?" if hint else "")
 
 
 def mirrored_files(folder):

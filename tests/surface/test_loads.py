@@ -193,7 +193,7 @@ def test_sides_do_not_depend_on_the_size(scale):
         (Boundary(1), "has 1 boundary loops, so use loop = 0 to 0"),
         (Facing((1, 0, 0), 10.0), "the nearest normal is 90 degrees away"),
         (Facing((0, 0, 0)), "needs a direction that is not zero"),
-        (Vertices((0, 10_000)), r"names 1 vertices \(first: 10000\) that the surface lacks"),
+        (Vertices((0, 10_000)), r"names 1 vertex \(first: 10000\) that the surface lacks"),
         (Vertices(()), "picks no vertex"),
     ],
 )

@@ -87,8 +87,8 @@ def test_arrays_are_copies_and_locked():
     [
         (SQUARE, np.empty((0, 3)), "no faces"),
         (np.where(SQUARE == 2, np.nan, SQUARE), TWO, r"2 of 4 vertices are not finite numbers \(first: 1, 2\)"),
-        (SQUARE, [[0, 1, 4]], r"1 faces name vertices outside 0..3"),
-        (SQUARE, [[0, 1, -1]], r"1 faces name vertices outside 0..3"),
+        (SQUARE, [[0, 1, 4]], r"1 face names vertices outside 0..3"),
+        (SQUARE, [[0, 1, -1]], r"1 face names vertices outside 0..3"),
         (SQUARE, [[0, 1, 2], [0, 1, 1]], r"1 of 2 faces have no area \(first: 1\)"),
     ],
 )
@@ -194,9 +194,9 @@ def test_a_moebius_strip_cannot_be_oriented():
 @pytest.mark.parametrize(
     ("F", "n", "says"),
     [
-        ([[0, 1, 2], [0, 2, 3], [0, 2, 4]], 5, "1 edges have more than two faces (first: 0-2)"),
-        ([[0, 1, 2], [0, 2, 3], [2, 0, 1]], 4, "1 faces repeat an earlier face (first: 2)"),
-        ([[0, 1, 2], [0, 3, 2]], 4, "1 edges have faces of opposite sides (first: 0-2)"),
+        ([[0, 1, 2], [0, 2, 3], [0, 2, 4]], 5, "1 edge has more than two faces (first: 0-2)"),
+        ([[0, 1, 2], [0, 2, 3], [2, 0, 1]], 4, "1 face repeats an earlier face (first: 2)"),
+        ([[0, 1, 2], [0, 3, 2]], 4, "1 edge has faces of opposite sides (first: 0-2)"),
         (BOW_TIE, 5, "parts touch in a point at 1 vertex (first: 2)"),
     ],
 )

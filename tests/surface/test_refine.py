@@ -151,7 +151,7 @@ def test_smooth_refining_needs_a_manifold_and_flat_refining_does_not():
     assert lengths(finer).max() <= 0.4
     assert (finer.edges.count == 3).sum() == 4  # the common edge in four parts
     assert finer.area == pytest.approx(fan.area)
-    with pytest.raises(SurfaceError, match=r"1 edges have more than two faces .*; set smooth to false"):
+    with pytest.raises(SurfaceError, match=r"1 edge has more than two faces .*; set smooth to false"):
         refined_surface(fan, 0.4, smooth=True)
 
 

@@ -281,10 +281,10 @@ def test_a_finest_edge_that_takes_too_many_triangles_is_refused(monkeypatch):
 
 def test_three_faces_at_an_edge_are_refused():
     fan = Surface([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
-    with pytest.raises(SurfaceError, match=r"1 edges have more than two faces \(first: 0-1\); split the surface there"):
+    with pytest.raises(SurfaceError, match=r"1 edge has more than two faces \(first: 0-1\); split the surface there"):
         remeshed_surface(fan, 0.4)
     twice = Surface(fan.V, [[0, 1, 2], [0, 2, 1]])
-    with pytest.raises(SurfaceError, match=r"1 faces repeat an earlier face \(first: 1\); remove them"):
+    with pytest.raises(SurfaceError, match=r"1 face repeats an earlier face \(first: 1\); remove the repeated"):
         remeshed_surface(twice, 0.4)
 
 

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints, first_few
 from dsfab.core.errors import PatternError
+from dsfab.core.messages import count_phrase
 from dsfab.slicing.cutting.cut import filled_polygons
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import VOID, LineKind, Sheet
@@ -51,8 +52,8 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
         pinches, count = pinched_vertices(sheet), count + discs
     if len(pinches):
         raise PatternError(
-            f"material still meets in a single point at {len(pinches)} vertices (first: {first_few(pinches)}); "
-            "use the other pinch rule, another radius, or another phase"
+            f"material still meets in a single point at {count_phrase(len(pinches), 'vertex')} "
+            f"(first: {first_few(pinches)}); use the other pinch rule, another radius, or another phase"
         )
     _require_material(sheet)
     return PinchResult(sheet, count)

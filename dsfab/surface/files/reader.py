@@ -135,13 +135,13 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
     twice = duplicate_faces(F)
     if len(twice):
         raise SurfaceError(
-            f"{len(twice)} of {len(F)} faces repeat an earlier face (first: {first_few(twice)}); remove them, "
-            "or set surface.mend = true"
+            f"{count_phrase(len(twice), 'face', 'repeat')} an earlier face, of {len(F):,} (first: {first_few(twice)}); "
+            "remove the repeated faces, or set surface.mend = true"
         )
     crowded = np.flatnonzero(edges.count > 2)
     if len(crowded):
         raise SurfaceError(
-            f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)}); "
+            f"{count_phrase(len(crowded), 'edge', 'have')} more than two faces (first: {named_edges(crowded, edges)}); "
             "dsfab needs a manifold sheet: remove the faces inside or split the surface there"
         )
     n = int(F.max()) + 1

@@ -135,16 +135,24 @@ _OTHER_NAMES = {
 """Names that users give to the layers of `MARK_LAYERS`, also in other languages."""
 
 
+ALIKE = 0.85
+"""Least likeness of two words [difflib] of which one may be a slip of the other: "supports", but not "upload"."""
+
+
 def mark(kind: str, layer: str) -> Content:
     """Return the inventory entry of an object on a layer; points and curves on one of `MARK_LAYERS` are marks."""
-    word = layer.lower()
-    if word in MARK_LAYERS:
+    if layer.lower() in MARK_LAYERS:
         return Content(kind, "marks" if kind in ("curve", "point") else "beside", f"on layer {layer!r}")
-    match = next((name for name, words in _OTHER_NAMES.items() if word in words), "")
-    match = match or "".join(difflib.get_close_matches(word, MARK_LAYERS, 1, 0.8))
-    if match and kind in ("curve", "point"):
+    matches = (_mark_layer(word) for word in re.findall(r"[^\W\d_]+", layer.lower()))
+    if (match := next(filter(None, matches), "")) and kind in ("curve", "point"):
         return Content(kind, "dropped", f"on layer {layer!r}; did you mean layer {match}?")
     return Content(kind, "beside")
+
+
+def _mark_layer(word: str) -> str:
+    """Return the layer of `MARK_LAYERS` that the user may mean by a word in a layer's name, or ""."""
+    match = next((name for name, words in _OTHER_NAMES.items() if word in words), "")
+    return match or "".join(difflib.get_close_matches(word, MARK_LAYERS, 1, ALIKE))
 
 
 def contents(counts: Counter[Content]) -> tuple[Content, ...]:
@@ -264,6 +272,8 @@ _MARKS = (
 )
 _UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IGNORECASE)
 """Pattern of a comment with a unit: '# File units = inches', 'comment unit: mm'."""
+_FILE_UNIT = re.compile(r"\bfile units?\s*=\s*[\"']?([^\W\d_]+)", re.IGNORECASE)
+"""Pattern of the comment in which programs declare a unit. Its word is a unit even if dsfab does not know it."""
 _PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
 """Programs whose OBJ files have y up by default (first group), and programs with z up."""
 
@@ -327,7 +337,7 @@ def text_file(data: bytes) -> TextFile:
 @dataclass(frozen=True)
 class CommentDeclarations:
     """Declarations in comments at the beginning of a file; None if missing.
-    unit : a key of METRES_PER.
+    unit : a key of METRES_PER, or an unknown unit in a comment 'File units = ...'.
     up   : default up axis of the program that wrote the file, "y" or "z"."""
 
     unit: str | None = None
@@ -337,9 +347,9 @@ class CommentDeclarations:
 def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclarations:
     """Return the unit and the up axis from comments in a file's first 4096 characters; comments begin with `marks`."""
     comments = "\n".join(line for line in text[:4096].split("\n") if line.lstrip().startswith(marks))
-    unit, program = _UNIT.search(comments), _PROGRAMS.search(comments)
+    unit, program = _UNIT.search(comments) or _FILE_UNIT.search(comments), _PROGRAMS.search(comments)
     return CommentDeclarations(
-        None if unit is None else UNIT_WORDS[unit[1].lower()], None if program is None else "y" if program[1] else "z"
+        None if unit is None else declared_unit(unit[1]), None if program is None else "y" if program[1] else "z"
     )
 
 

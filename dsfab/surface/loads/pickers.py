@@ -12,6 +12,7 @@ from pydantic import AllowInfNan, ConfigDict, StringConstraints
 
 from dsfab.core.arrays import Bools, Floats, Ints, cross, first_few, lock
 from dsfab.core.errors import SurfaceError
+from dsfab.core.messages import count_phrase
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import require_two_sides
 from dsfab.surface.topology import on_boundary
@@ -281,8 +282,8 @@ class Vertices:
         bad = indices[(indices < 0) | (indices >= surface.n)]
         if len(bad):
             raise SurfaceError(
-                f"pick = 'vertices' names {len(bad)} vertices (first: {first_few(bad)}) that the surface lacks; use 0 "
-                f"to {surface.n - 1}"
+                f"pick = 'vertices' names {count_phrase(len(bad), 'vertex')} (first: {first_few(bad)}) that the "
+                f"surface lacks; use 0 to {surface.n - 1}"
             )
         picked = np.zeros(surface.n, dtype=bool)
         picked[indices] = True

@@ -8,6 +8,7 @@ import numpy as np
 from dsfab.core.arrays import Floats, face_angles, first_few
 from dsfab.core.errors import SurfaceError
 from dsfab.core.limits import MOST_TRIANGLES
+from dsfab.core.messages import count_phrase
 from dsfab.surface.mesh import Surface, nearest_places
 from dsfab.surface.remesh.edges import (
     FIXED,
@@ -195,11 +196,13 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
     if edge > surface.size:
         raise SurfaceError(f"edges of {edge:g} m are longer than the surface, {surface.size:.3g} m; use shorter edges")
     if len(twice := duplicate_faces(surface.F)):
-        raise SurfaceError(f"{len(twice)} faces repeat an earlier face (first: {first_few(twice)}); remove them")
+        repeated = count_phrase(len(twice), "face", "repeat")
+        raise SurfaceError(f"{repeated} an earlier face (first: {first_few(twice)}); remove the repeated faces")
     crowded = np.flatnonzero(surface.edges.count > 2)
     if len(crowded):
         where = named_edges(crowded, surface.edges)
-        raise SurfaceError(f"{len(crowded)} edges have more than two faces (first: {where}); split the surface there")
+        many = count_phrase(len(crowded), "edge", "have")
+        raise SurfaceError(f"{many} more than two faces (first: {where}); split the surface there")
 
 
 def _check_count(sizes: SizeField, finest: float) -> None:
