@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from dsfab.core.arrays import Bools, Floats, Ints, first_few, lock
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
+from dsfab.core.messages import count_phrase
 from dsfab.core.units import MM_PER_M
 from dsfab.surface import StructureLine, Surface, bounding_box, link_components, signed_volume, total_area
 from dsfab.surface.topology import half_edges
@@ -254,7 +255,8 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
         raise ExportError(f"{name!r} has no faces, so the file would be empty; check the mesh")
     bad = np.flatnonzero(~np.isfinite(part.V).all(axis=1))
     if len(bad):
-        raise ExportError(f"{len(bad)} vertices of {name!r} are not finite numbers (first: {first_few(bad)})")
+        where = f"{count_phrase(len(bad), 'vertex')} (first: {first_few(bad)})"
+        raise ExportError(f"{name!r} has coordinates that are not finite numbers at {where}")
     if part.is_solid:
         faults = open_edges(part.F)
         if faults:

@@ -358,7 +358,7 @@ def test_a_value_out_of_range_is_refused_in_one_sentence():
         broken = base64.b64encode(b"v 0 0 0\n").decode()
         refused = wait(session.jobs, session.ask_mesh("../../part.obj", "m", broken)["job"])
         assert refused.state == "failed"
-        assert refused.text.startswith("part.obj has 1 vertices and no faces")
+        assert refused.text.startswith("part.obj has 1 vertex and no faces")
 
 
 def test_a_mesh_of_the_page_is_read_elsewhere_and_may_be_cancelled(tmp_path):

@@ -316,7 +316,7 @@ def test_solids_without_an_inside_are_refused(tmp_path):
         write(Solid(solid.V, solid.F[:, ::-1], 0, 1), tmp_path / "a.ply")
     with pytest.raises(ExportError, match="has no faces"):
         write(Solid(solid.V, np.empty((0, 3), dtype=int), 0, 0), tmp_path / "a.ply")
-    with pytest.raises(ExportError, match=r"1 vertices of 'a' are not finite numbers \(first: 7\)"):
+    with pytest.raises(ExportError, match=r"'a' has coordinates that are not finite numbers at 1 vertex \(first: 7\)"):
         write(Solid(np.r_[solid.V[:7], [[np.nan, 0, 0]]], solid.F, 0, 1), tmp_path / "a.ply")
     assert issubclass(ExportError, DsfabError)
 

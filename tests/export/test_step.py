@@ -269,7 +269,7 @@ def test_an_edge_with_four_triangles_is_refused(tmp_path):
     one, two = solid_box(size=np.ones(3)), solid_box(size=np.ones(3), corner=(1.0, 1.0, 0.0))
     V, of = np.unique(np.r_[one.V, two.V], axis=0, return_inverse=True)
     touching = Solid(V, of.ravel()[np.r_[one.F, two.F + 8]], genus=0, pieces=2)
-    with pytest.raises(ExportError, match="1 edges of 'a' have more than two triangles"):
+    with pytest.raises(ExportError, match="'a' has more than two triangles at 1 edge, which"):
         write(touching, tmp_path / "a.step")
 
 

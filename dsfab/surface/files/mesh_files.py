@@ -190,7 +190,9 @@ def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:
 def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
     n, over = len(raw.V), "".join(f"; ignored: {what}" for what in raw.record.dropped)
     if not len(raw.F):
-        raise SurfaceError(f"{path} has {n} vertices and no faces{over}; give a mesh with at least one triangle")
+        raise SurfaceError(
+            f"{path} has {count_phrase(n, 'vertex')} and no faces{over}; give a mesh with at least one triangle"
+        )
     bad = np.flatnonzero((raw.F.min(axis=1) < 0) | (raw.F.max(axis=1) >= n))
     if len(bad):
         raise SurfaceError(

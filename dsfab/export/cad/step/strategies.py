@@ -7,6 +7,7 @@ import numpy as np
 
 from dsfab.core.errors import ExportError, NotMadeError
 from dsfab.core.limits import OUTLINE, SIMPLIFIED_OFF_SURFACE
+from dsfab.core.messages import count_phrase
 from dsfab.export.cad.step import entities
 from dsfab.export.cad.step.by_members.build import NotByMembersError, member_file
 from dsfab.export.cad.step.by_members.draft import has_too_many, member_draft
@@ -52,8 +53,8 @@ def prepare(part: Part) -> Part:
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
         raise ExportError(
-            f"{crowded} edges of {part.name!r} have more than two triangles, which no STEP solid can have; "
-            "write STL or 3MF instead"
+            f"{part.name!r} has more than two triangles at {count_phrase(crowded, 'edge')}, which no STEP solid can "
+            "have; write STL or 3MF instead"
         )
     return part
 
