@@ -188,10 +188,8 @@ Bytes = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
 SHARP_DEGREES = 35.0  # degrees; smallest angle between the faces of an edge that looks sharp
-LAMP_AWAY, LAMP_DEPTHS = (
-    3.0,
-    (1.9, 4.1),
-)  # of lamps, scene units: distance from the centre, nearest and farthest lit depth
+LAMP_AWAY = 3.0  # distance of lamps from the centre, scene units
+LAMP_DEPTHS = 1.9, 4.1  # nearest and farthest depth that a lamp lights, scene units
 
 
 @dataclass(frozen=True, eq=False)

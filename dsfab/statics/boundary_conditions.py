@@ -10,6 +10,7 @@ from scipy.sparse import csr_array, diags_array
 from dsfab.core.arrays import Bools, Floats, Ints, first_few, lock_floats
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import FEW_VERTICES
+from dsfab.core.messages import count_phrase
 from dsfab.statics.elements import BUBBLES, Elements, edge_frames
 from dsfab.surface import coincident, pieces
 from dsfab.surface.loads.load_case import Force, Line, Load, LoadCase
@@ -65,7 +66,7 @@ def _support_remedy(surface: Surface, held_vertices: Ints) -> str:
     if len(held_vertices) >= FEW_VERTICES:
         return "its supports do not prevent this; hold more directions"
     where = " and ".join(str(surface.V[k].round(3).tolist()) for k in held_vertices)
-    count = "1 vertex" if len(held_vertices) == 1 else f"{len(held_vertices)} vertices"
+    count = count_phrase(len(held_vertices), "vertex")
     return f"the supports hold only {count}, at {where} m; pick more vertices (of a side, with depth = ...)"
 
 

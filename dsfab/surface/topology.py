@@ -253,21 +253,35 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
     return flips
 
 
+def crowded_edge_fault(edges: EdgeTable) -> str:
+    """Return a clause with the number and the first of the edges of more than two faces; "" without such edges."""
+    crowded = np.flatnonzero(edges.count > 2)
+    if not len(crowded):
+        return ""
+    return f"{count_phrase(len(crowded), 'edge', 'have')} more than two faces (first: {named_edges(crowded, edges)})"
+
+
+def repeated_face_fault(F: Ints) -> str:
+    """Return a clause with the number and the first of the faces (m, 3) that repeat another; "" without such faces."""
+    twice = duplicate_faces(F)
+    if not len(twice):
+        return ""
+    return f"{count_phrase(len(twice), 'face', 'repeat')} an earlier face (first: {first_few(twice)})"
+
+
 def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
     """Return sentences that say why faces F (m, 3) on n vertices are not an oriented manifold; empty if they are."""
-    crowded = np.flatnonzero(edges.count > 2)
     opposed = misoriented_edges(F, edges)
-    twice = duplicate_faces(F)
     touching = pinches(F, edges, n)
-    note = "" if not len(opposed) or flips_to_orient(F, edges) is not None else "; the surface is not orientable"
-    many, several = (count_phrase(len(places), "edge", "have") for places in (crowded, opposed))
-    faults = (
-        (crowded, f"{many} more than two faces (first: {named_edges(crowded, edges)})"),
-        (twice, f"{count_phrase(len(twice), 'face', 'repeat')} an earlier face (first: {first_few(twice)})"),
-        (opposed, f"{several} faces of opposite sides (first: {named_edges(opposed, edges)}){note}"),
-        (touching, f"parts touch in a point at {count_phrase(len(touching), 'vertex')} (first: {first_few(touching)})"),
-    )
-    return tuple(sentence for where, sentence in faults if len(where))
+    faults = [crowded_edge_fault(edges), repeated_face_fault(F)]
+    if len(opposed):
+        note = "" if flips_to_orient(F, edges) is not None else "; the surface is not orientable"
+        many = count_phrase(len(opposed), "edge", "have")
+        faults.append(f"{many} faces of opposite sides (first: {named_edges(opposed, edges)}){note}")
+    if len(touching):
+        places = count_phrase(len(touching), "vertex")
+        faults.append(f"parts touch in a point at {places} (first: {first_few(touching)})")
+    return tuple(filter(None, faults))
 
 
 def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:

@@ -244,7 +244,7 @@ def safe_shares(
 
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and the least wanted ones (m, 3).
+    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and limits (m, 3) of safe ones.
     P : (m, 3, 3) corners of the faces.
     d : (m, 3, 3) half-thickness vectors at the corners, on the side of the faces' normals.
     Coefficient [k, v] belongs to Bernstein polynomial k of s and corner v. If all coefficients are positive, the prism

@@ -310,8 +310,11 @@ def test_the_commands_of_the_ten_minute_lesson_give_the_shown_output(tmp_path, m
     shutil.copy(ROOT / "docs" / "examples" / "canopy.obj", tmp_path / "my_roof.obj")
     monkeypatch.chdir(tmp_path)
     shown = iter(blocks("text", LESSON))
-    quick = {"build": ["--step", "tessellated"], "preview": ["--set", "surface.edge=0.4"]}
-    quick |= {"compare": ["--against", "thinner"]}
+    quick = {
+        "build": ["--step", "tessellated"],
+        "preview": ["--set", "surface.edge=0.4"],
+        "compare": ["--against", "thinner"],
+    }
     for block in blocks("sh", LESSON)[1:]:
         command = shlex.split(block)[1]
         assert main([*shlex.split(block)[1:], *quick.get(command, [])]) == 0, block

@@ -20,13 +20,13 @@ from dsfab.surface.orientation import Up, flips_along_tree, upright_vertices
 from dsfab.surface.topology import (
     EdgeTable,
     boundary_loops,
+    crowded_edge_fault,
     duplicate_faces,
     edge_table,
     euler_characteristic,
     flips_to_orient,
     manifold_faults,
     misoriented_edges,
-    named_edges,
     on_boundary,
     pieces,
     pinches,
@@ -138,12 +138,8 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
             f"{count_phrase(len(twice), 'face', 'repeat')} an earlier face, of {len(F):,} (first: {first_few(twice)}); "
             "remove the repeated faces, or set surface.mend = true"
         )
-    crowded = np.flatnonzero(edges.count > 2)
-    if len(crowded):
-        raise SurfaceError(
-            f"{count_phrase(len(crowded), 'edge', 'have')} more than two faces (first: {named_edges(crowded, edges)}); "
-            "dsfab needs a manifold sheet: remove the faces inside or split the surface there"
-        )
+    if fault := crowded_edge_fault(edges):
+        raise SurfaceError(f"{fault}; dsfab needs a manifold sheet: remove the faces inside or split the surface there")
     n = int(F.max()) + 1
     points = pinches(F, edges, n)
     bad = points[~on_boundary(edges, n)[points]]

@@ -5,10 +5,9 @@ from contextlib import suppress
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, face_angles, first_few
+from dsfab.core.arrays import Floats, face_angles
 from dsfab.core.errors import SurfaceError
 from dsfab.core.limits import MOST_TRIANGLES
-from dsfab.core.messages import count_phrase
 from dsfab.surface.mesh import Surface, nearest_places
 from dsfab.surface.remesh.edges import (
     FIXED,
@@ -32,7 +31,7 @@ from dsfab.surface.remesh.smoothing import (
     with_vertices_at,
     with_vertices_on,
 )
-from dsfab.surface.topology import duplicate_faces, named_edges
+from dsfab.surface.topology import crowded_edge_fault, repeated_face_fault
 
 SHARP_ANGLE = 20.0  # A mirrored mesh is always kept if its smallest angle is above this, degrees.
 
@@ -195,14 +194,10 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
         raise SurfaceError(f"the finest edge, {finest} m, must lie between 0 and the edge, {edge:g} m")
     if edge > surface.size:
         raise SurfaceError(f"edges of {edge:g} m are longer than the surface, {surface.size:.3g} m; use shorter edges")
-    if len(twice := duplicate_faces(surface.F)):
-        repeated = count_phrase(len(twice), "face", "repeat")
-        raise SurfaceError(f"{repeated} an earlier face (first: {first_few(twice)}); remove the repeated faces")
-    crowded = np.flatnonzero(surface.edges.count > 2)
-    if len(crowded):
-        where = named_edges(crowded, surface.edges)
-        many = count_phrase(len(crowded), "edge", "have")
-        raise SurfaceError(f"{many} more than two faces (first: {where}); split the surface there")
+    if fault := repeated_face_fault(surface.F):
+        raise SurfaceError(f"{fault}; remove the repeated faces")
+    if fault := crowded_edge_fault(surface.edges):
+        raise SurfaceError(f"{fault}; split the surface there")
 
 
 def _check_count(sizes: SizeField, finest: float) -> None:
