@@ -14,13 +14,13 @@ from dsfab.design import Design, Log, Progress, refusal, run, silent, surface_st
 from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal.sizes import sizes, two_digits
-from dsfab.statics.thickness_basis import ThicknessBasis
+from dsfab.statics.thickness_basis import ACCURATE, ThicknessBasis
 from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_loads, use_and_movement
 from dsfab.study.fabrication import spacing_changes
 
 REACH, REACH_UP = 3.0, 6.0
 """Range of tried thicknesses: from the first guess divided by `REACH` to the guess times `REACH_UP`."""
-OWN_CUTS = 2  # Largest number of designs that are cut again for their own thickness.
+OWN_CUTS = 3  # Largest number of designs that are cut again for their own thickness.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
 MORE, MOST = 1.3, 0.75  # Factor that increases the share of material, and largest share.
 CLOSER = 0.75  # Factor on the spacing of members if more material does not suffice.
@@ -77,10 +77,12 @@ class SizingResult:
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield a table of the trials, then remarks.
         every : True for all; False for the chosen thickness and, after a single pattern, the next thinner one."""
-        thickness, stock = self.trials[-1].thickness, sorted({trial.thickness for trial in self.trials})
-        k = stock.index(thickness)
-        shown = stock[max(0, k - 1) : k + 1] if len(self.trials) <= len(stock) + OWN_CUTS else [thickness]
-        shown = stock if every else shown
+        thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
+        if every or self.changes or not self.fits:
+            shown = {trial.thickness for trial in self.trials} if every else {thickness}
+        else:
+            thinner = {trial.thickness for trial in self.trials if trial.thickness < thickness}
+            shown = {max(thinner, default=thickness)} - final
         rows = [trial.row for trial in self.trials if trial.is_final or trial.thickness in shown]
         yield table(("thickness", "material", "utilisation", "movement", "buckling", "mass", ""), rows)
         if every:
@@ -134,8 +136,8 @@ def guessed_preset(preset: Preset) -> Preset:
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design with the thinnest sheet that meets the targets of [sizing]. Its last stage is slicing.
 
-    One cut sheet is solved at two thicknesses, which gives the results for all thicknesses. The thinnest sufficient
-    thickness gets its own cut, which is solved again. If it does not suffice, the next thicknesses follow.
+    A draft of the cut sheet is solved at its thickness, which gives the results for thicknesses near it. The
+    thicknesses that seem best get their own cut, which is solved again, until the next thinner one does not suffice.
     If no thickness suffices, the pattern gets more material, then also a smaller spacing. If this does not help, the
     result is the design that comes nearest to the targets.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
@@ -149,7 +151,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         changed = with_overrides(preset, changes)
         design = Design.from_preset(changed.with_thickness(thickness), design, progress)
         try:
-            rows = _stock_trials(design, stock, progress)
+            rows = _nearest_trials(design, stock, progress)
         except (PatternError, StaticsError):
             if changes == ladder[-1] and not trials:
                 raise
@@ -157,7 +159,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         cuts, chosen = _own_cuts(design, changed, rows, progress)
         if chosen:
             return _with_result(chosen, SizingResult((*trials, *rows.trials, *cuts), source, changes))
-        judged = [rows.full_trial(k) for k in range(len(stock))]
+        judged = [rows.full_trial(k) for k in range(len(rows.trials))]
         trials += [*judged, *cuts]
         candidates += [(row, changed.with_thickness(row.thickness)) for row in judged]
     row, nearest = min(candidates, key=lambda candidate: candidate[0].worst)
@@ -173,14 +175,41 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
     return Design.from_preset(guess.with_thickness(thickest), design, progress) if is_refused else design
 
 
+def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
+    """Return trials of the thicknesses near that of a draft. If better thicknesses may lie beyond these, the thinnest or
+    thickest of them gives the next draft. Raises PatternError or StaticsError if the first draft fails."""
+    thickness, solved, rows = design.preset.statics.thickness, set[float](), None
+    while True:
+        near = [t for t in stock if 1 / ACCURATE <= t / thickness <= ACCURATE]
+        design = Design.from_preset(design.preset.with_thickness(thickness), design, progress)
+        try:
+            rows = _stock_trials(_draft(design), near, progress)
+        except (PatternError, StaticsError):
+            if rows is None:
+                raise
+            return rows
+        solved.add(thickness)
+        best = rows.thinnest_sufficient()
+        thickness = near[0] if best == 0 else near[-1] if best == len(near) else thickness
+        if thickness in solved or thickness in (stock[0], stock[-1]):
+            return rows
+
+
+def _draft(design: Design) -> Design:
+    """Return the design with approximate widths and without round corners, which has half of the triangles."""
+    draft = Design.from_preset(design.preset.with_pattern(fillet=0.0), design)
+    return draft.sketch(answers=True) or draft
+
+
 def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
     """Return trials of designs that are cut for their own thickness, and the thinnest sufficient design or None.
-    The trial of this design is the last one."""
+    The trial of this design is the last one. The first is the thickness whose row comes nearest to the targets."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
-    start = next((k for k, row in enumerate(rows.trials) if row.worst <= 1), count)
-    k = bisect_left(range(count), True, lo=start, key=lambda k: rows.full_trial(k).worst <= 1)
+    k = rows.thinnest_sufficient()
+    if 0 < k < count and rows.full_trial(k - 1).worst * rows.full_trial(k).worst < 1:
+        k -= 1
     while 0 <= k < count and len(trials) < OWN_CUTS:
         row = rows.full_trial(k)
         design = Design.from_preset(preset.with_thickness(row.thickness), design, progress)
@@ -234,6 +263,12 @@ class _StockTrials:
     basis: ThicknessBasis
     trials: list[SizingTrial] = field(default_factory=list)
 
+    def thinnest_sufficient(self) -> int:
+        """Return the number of the thinnest thickness that meets the targets; the number of trials if none does."""
+        count = len(self.trials)
+        start = next((k for k, row in enumerate(self.trials) if row.worst <= 1), count)
+        return bisect_left(range(count), True, lo=start, key=lambda k: self.full_trial(k).worst <= 1)
+
     def full_trial(self, k: int) -> SizingTrial:
         """Return the trial of thickness k with its utilisation, the slowest result, computed on demand."""
         row = self.trials[k]
@@ -248,11 +283,11 @@ class _StockTrials:
 
 def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) -> _StockTrials:
     """Return trials of each thickness without utilisation. Raises StaticsError if the cut sheet does not stand."""
-    progress("sizing", f"solving the cut sheet for {len(stock)} thicknesses")
+    progress("sizing", f"solving a draft of the cut sheet for {len(stock)} thicknesses")
     loads = cut_loads(design, design.preset.statics.thickness)
     model = design.preset.statics.sheet().model_for(design.sheet.surface)
     cases = design.preset.judged_in("ULS", loads)
-    rows = _StockTrials(design, ThicknessBasis.from_sheet(model, loads, (stock[0], stock[-1]), cases))
+    rows = _StockTrials(design, ThicknessBasis.from_sheet(model, loads, cases))
     for t in stock:
         outcome, factors = use_and_movement(rows.statics(t), use=False), rows.basis.buckling_factors(t)
         rows.trials.append(_trial(design, replace(outcome, buckling=min(factors[name] for name in cases))))

@@ -61,6 +61,7 @@ def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, 
         [
             "[slicing]",
             toml_line("snap", 0.01, "share of an edge by which cuts move to a vertex; a small one keeps halves alike"),
+            toml_line("improve", True, "fewer and better triangles, for finite elements and CAD"),
         ],
         *_thickening(surface),
         ["[sizing]", toml_line("first", size.thickness, "m; first guess of the thickness")],
