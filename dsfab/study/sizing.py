@@ -176,21 +176,21 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
-    """Return trials of the thicknesses near that of a draft. If better thicknesses may lie beyond these, the thinnest or
+    """Return trials of thicknesses near that of a draft. If better thicknesses may lie beyond these, the thinnest or
     thickest of them gives the next draft. Raises PatternError or StaticsError if the first draft fails."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
-        near = [t for t in stock if 1 / ACCURATE <= t / thickness <= ACCURATE]
+        tried = [t for t in stock if 1 / ACCURATE <= t / thickness <= ACCURATE]
         design = Design.from_preset(design.preset.with_thickness(thickness), design, progress)
         try:
-            rows = _stock_trials(_draft(design), near, progress)
+            rows = _stock_trials(_draft(design), tried, progress)
         except (PatternError, StaticsError):
             if rows is None:
                 raise
             return rows
         solved.add(thickness)
-        best = rows.thinnest_sufficient()
-        thickness = near[0] if best == 0 else near[-1] if best == len(near) else thickness
+        thinnest = rows.thinnest_sufficient()
+        thickness = tried[0] if thinnest == 0 else tried[-1] if thinnest == len(tried) else thickness
         if thickness in solved or thickness in (stock[0], stock[-1]):
             return rows
 
@@ -210,7 +210,7 @@ def _own_cuts(
     k = rows.thinnest_sufficient()
     if 0 < k < count and rows.full_trial(k - 1).worst * rows.full_trial(k).worst < 1:
         k -= 1
-    while 0 <= k < count and len(trials) < OWN_CUTS:
+    while k < count and len(trials) < OWN_CUTS:
         row = rows.full_trial(k)
         design = Design.from_preset(preset.with_thickness(row.thickness), design, progress)
         trial = _trial(design, carrying(design), row)
@@ -218,10 +218,11 @@ def _own_cuts(
             trials.insert(0, trial)
             k = count if chosen else k + 1
             continue
+        thinner_failed = bool(trials) and not chosen
         trials, chosen = [*trials, trial], design
         ratios = {name: trial.excess[name] / value if value else 1.0 for name, value in row.excess.items()}
         k -= 1
-        if k >= 0 and max(rows.full_trial(k).excess[name] * ratio for name, ratio in ratios.items()) > 1:
+        if thinner_failed or k < 0 or max(rows.full_trial(k).excess[name] * r for name, r in ratios.items()) > 1:
             break
     return trials, chosen
 

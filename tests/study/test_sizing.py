@@ -74,6 +74,14 @@ def test_the_thinnest_sheet_of_the_stock_that_meets_the_targets_is_chosen(counte
     )
 
 
+def test_a_build_shows_the_chosen_thickness_once_and_the_next_thinner_one(counted):
+    result = sizing_result(counted[0])
+    rows = next(result.lines()).splitlines()[1:]
+    assert [row.split()[0] for row in rows] == ["100", "120"]
+    assert "cut with it" in rows[-1]
+    assert len(next(result.lines(every=True)).splitlines()) == 1 + len(result.trials)
+
+
 def test_the_figures_of_an_unsolved_thickness_are_those_of_a_full_solve(counted):
     design, _ = counted
     draft = Design.from_preset(guessed_preset(vault()), design).sketch(answers=True)
