@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from cyclopts import Parameter
 
+from dsfab.app.export import built_design
 from dsfab.app.options import UNCHANGED, OutputName, Quiet, Source, Switch
 from dsfab.app.terminal import ExitCode, Reporter, print_result
 from dsfab.core.errors import DsfabError
@@ -24,6 +25,7 @@ from dsfab.report.design.facts import versions
 from dsfab.study import losing_line
 
 if TYPE_CHECKING:
+    from dsfab.design import Design
     from dsfab.preset.model import Preset
     from dsfab.report.compliance import Findings
     from dsfab.study import Comparison
@@ -190,12 +192,16 @@ class CompareTask:
         return shlex.join(["dsfab", "compare", *words, *([] if self.report else ["--no-report"])])
 
 
-def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str, quiet: bool, as_json: bool) -> int:
-    """Compare a design, write all files, print the result; return 1 if the design does not carry its loads, else 0."""
-    reporter, questions = Reporter(quiet or as_json), task.questions
+def compare_one(preset: "Preset", task: CompareTask, folder: Path, name: str, quiet: bool, as_json: bool) -> int:
+    """Compare a design, write all files, print the result; return 1 if the design does not carry its loads, else 0.
+    name : name of the preset on the command line. If it is a built folder, its pattern is not drawn again."""
+    from dsfab.design import draft
+
+    reporter, questions, command = Reporter(quiet or as_json), task.questions, task.command(name)
     files = ["results.csv", "results.json", *(("chart.svg", "chart.png") if len(questions.area_shares) > 1 else ())]
     with reporter:
-        comparisons = _comparisons(preset, questions, reporter)
+        design = built_design(name, preset) or draft(preset, reporter)
+        comparisons = _comparisons(design, questions, reporter)
         findings = _report_findings(comparisons, command) if task.report else None
         with atomic_folder(folder) as partial_folder:
             reporter("write", str(folder))
@@ -211,14 +217,12 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str,
     return ExitCode.DOES_NOT_CARRY if lost else ExitCode.DONE
 
 
-def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
+def _comparisons(design: "Design", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
     """Compare the design as it is, then with each share of material; report and skip a share that fails."""
-    from dsfab.design import draft
     from dsfab.statics import ResultRequest
     from dsfab.study import compare_at
     from dsfab.study.comparison import Checks, comparison, judges
 
-    design = draft(preset, reporter)
     mode_questions = ResultRequest(frequencies=int(questions.frequency), buckling=int(questions.buckling))
     checks, shares = Checks(questions.level, mode_questions, 1e9 * questions.memory, reporter), questions.area_shares
     results: list[ComparisonAtShare] = []
@@ -330,7 +334,7 @@ class Batch:
                 raise DsfabError(f"two presets have the name {loaded.name}; change `name` in one of the files")
             name = loaded.name
             if not (resume and _is_current(folder, loaded, command, self.task.report)):
-                compare_one(loaded, self.task, folder, command, quiet=True, as_json=False)
+                compare_one(loaded, self.task, folder, preset, quiet=True, as_json=False)
             else:
                 reporter.print_line("compared already")
             return {"name": name, "folder": folder, "error": "", **_row_of_folder(folder)}
@@ -404,4 +408,4 @@ def compare(
     loaded_preset = source.read_preset(preset)
     folder = results.output or Path("outputs") / loaded_preset.name / "compliance"
     require_writable(folder)
-    return compare_one(loaded_preset, task, folder, task.command(preset), quiet, json_)
+    return compare_one(loaded_preset, task, folder, preset, quiet, json_)

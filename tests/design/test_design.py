@@ -4,6 +4,7 @@ import pickle
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import dsfab
@@ -121,6 +122,24 @@ def test_a_folder_reads_back_as_a_design(whole: Design, tmp_path: Path) -> None:
     assert (back.sheet.surface.V == whole.sheet.surface.V).all()
     assert not back.has("statics")
     assert back.statics.equilibrium.compliance == pytest.approx(whole.statics.equilibrium.compliance)  # made again
+
+
+@pytest.mark.parametrize(
+    ("preset", "changes"),
+    [(DOME_MODES, {"pattern.tidy": True, "pattern.fillet": 0.02}), ("barrel_vault", {"surface.edge": 0.9})],
+    ids=["stripes on modes", "even stripes"],
+)
+def test_a_design_from_a_folder_is_cut_as_before_and_loose_ends_are_removed(
+    preset: str | Path, changes: dict[str, Any], tmp_path: Path
+) -> None:
+    design = Design.from_preset(load_preset(preset, changes)).until("thickening")
+    write_archive(design, tmp_path)
+    back = read_archive(tmp_path, design.resolved_preset)
+    assert back is not None
+    there, here = back.slicing.cells, design.slicing.cells
+    assert np.array_equal(there.surface.V, here.surface.V)
+    assert np.array_equal(there.surface.F, here.surface.F)
+    assert np.array_equal(there.family, here.family)
 
 
 def test_every_way_out_gives_the_same_bytes(whole: Design, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

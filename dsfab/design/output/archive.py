@@ -19,7 +19,7 @@ from dsfab.pattern.stripes import wave
 from dsfab.preset.model import STAGES, Preset
 from dsfab.preset.surface_section import FileSurface, MeshSurface, OwnSurface
 from dsfab.results import EvenStripes, PatternResult, StripeSteering
-from dsfab.slicing import Chart, Sheet
+from dsfab.slicing import Chart, Sheet, Tidy
 from dsfab.slicing.cutting.sheet import ON_SIMPLEX, CutLines
 from dsfab.slicing.measures.lines import STRIPES, CornerLines, Phase, centre_lines, chart_lines, edge_lines
 from dsfab.surface import StructureLine, Surface, ply_chunks, simplified_line
@@ -206,12 +206,30 @@ def even_stripes_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> E
     return EvenStripes(*lines, steered=steered, forces=arrays.get("even_forces"))
 
 
+def tidy_arrays(tidy: Tidy) -> Arrays:
+    columns = {"astray": tidy.astray, "closed": tidy.closed}
+    of_fields = {f"tidy_{name}_{k}": x for name, column in columns.items() for k, x in enumerate(column)}
+    striped = {"tidy_striped": np.array(tidy.striped), "tidy_anchor": tidy.anchor}
+    return striped | {name: x for name, x in of_fields.items() if x is not None}
+
+
+def tidy_from(arrays: Mapping[str, NDArray[Any]]) -> Tidy | None:
+    """Return the rules by which stripes are removed, from arrays such as tidy_anchor (n,); None if there are none."""
+    if "tidy_striped" not in arrays:
+        return None
+    striped = tuple(arrays["tidy_striped"].tolist())
+    astray, closed = (
+        tuple(arrays.get(f"tidy_{name}_{k}") for k in range(len(striped))) for name in ("astray", "closed")
+    )
+    return Tidy(striped, astray, arrays["tidy_anchor"], closed)
+
+
 def _rounded_integers(array: Floats) -> NDArray[Any]:
     return np.rint(array).astype(np.int64)
 
 
 NAME = "design.npz"
-LAYOUT = 2  # Version of the archive; dsfab does not read other versions.
+LAYOUT = 3  # Version of the archive; dsfab does not read other versions.
 MADE_BY = tuple(stage for stage in STAGES if stage != "export")  # Sections of a preset that determine a design.
 MESH = "surface.ply"  # File for a mesh that came from Python; metres, not rounded.
 _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
@@ -268,6 +286,8 @@ def write_archive(design: Design, folder: Path, preset: Preset | None = None) ->
         arrays |= field_arrays(f"field_{k}", field)
     if pattern.even:
         arrays |= even_arrays(pattern.even)
+    if pattern.tidy:
+        arrays |= tidy_arrays(pattern.tidy)
     arrays |= {f"value_{k}": array.astype(np.float32) for k, array in enumerate(values.values())}
     path = folder / NAME
     compact: dict[str, Any] = {key: _compact(array) for key, array in arrays.items()}
@@ -307,7 +327,8 @@ def _read(archive: Any, about: dict[str, Any], preset: Preset) -> Design:
     fields = tuple(field_from(f"field_{k}", divided, archive) for k in range(len(names)))
     choice = about["factor"], tuple(about["frequency"]), tuple(about["mode"]), tuple(about["phase"])
     even = even_stripes_from(surface, archive)
-    pattern = PatternResult(tuple(names), fields, levels, half_widths, *choice, even=even)
+    tidy = tidy_from(archive)
+    pattern = PatternResult(tuple(names), fields, levels, half_widths, *choice, even=even, tidy=tidy)
     columns = archive["sheet_parent"], archive["sheet_family"]
     repairs = Repairs(rung=solid_facts["rung"])
     return Design.from_results(
