@@ -3,7 +3,7 @@
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from dsfab.surface.files.reading import (
     declarations_in_comments,
     float_of,
     may_lack_digits,
+    selected_parts,
     text_file,
     whole_number,
 )
@@ -37,8 +38,9 @@ _DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a decimal comma.
 LINES_PER_CHECK = 1 << 14  # Number of lines between two checks of the counts of vertices and faces.
 
 
-def read_obj(data: bytes, budget: Budget) -> PolygonFile:
-    """Return the vertices and faces of an OBJ file. Textures, normals and groups are ignored.
+def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFile:
+    """Return the vertices and faces of an OBJ file. Textures and normals are ignored.
+    only : names of objects and groups, see `selected_parts`; faces outside them are counted.
     Lines, points and free forms are only counted. Raises MalformedFileError with the number of a bad line,
     SurfaceError beyond the budget."""
     file = text_file(data)
@@ -47,7 +49,8 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
         file = TextFile(_join_lines(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
     ignored: Counter[str] = Counter()
-    groups, group = set[str](), ""  # groups with faces; current group, "" once it has a face
+    current_names = {"o": "", "g": ""}
+    groups: list[tuple[int, tuple[str, ...]]] = [(0, ("",))]  # first face of each group, and its names
     odd, last_words = "", [""]
     for number, line in file.numbered_lines(budget):
         words = line.split() if "#" not in line else line[: line.index("#")].split()
@@ -62,11 +65,9 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
                 _add_vertex(V, words, line)
             elif word == "f":
                 _add_face(corners, sizes, words, len(V) // 3)
-                if group:
-                    groups.add(group)
-                    group = ""
             elif word in ("g", "o"):
-                group = " ".join(words[1:])
+                current_names[word] = " ".join(words[1:])
+                groups.append((len(sizes), (current_names[word], *current_names.values(), *words[1:])))
             elif word not in _IGNORED_WORDS:
                 ignored[word] += 1
                 if not odd and word not in _IGNORED_SHAPES:
@@ -79,12 +80,26 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     doubts = file.cut_off("a vertex") if last_words[0] == "v" else ()
     if last_words[0] == "f" and not file.ended and _may_be_cut(last_words[1:], max(sizes), len(V) // 3, file.text):
         doubts = file.cut_off("a face")
-    inventory = Counter({Content("group"): len(groups)})
+    inventory = Counter[Content]()
+    mesh = _named_faces(mesh, groups, only, inventory)
     for shape, kind in _IGNORED_SHAPES.items():
         inventory[Content(kind, "dropped")] += ignored[shape]
     odd_lines = sum(count for word, count in ignored.items() if word not in _IGNORED_SHAPES)
     dropped = (f"{count_phrase(odd_lines, 'line')} that OBJ does not know (first: {odd})",) if odd_lines else ()
     return PolygonFile(mesh, (*file.doubts, *doubts), dropped, comments.unit, comments.up, contents(inventory))
+
+
+def _named_faces(
+    mesh: Polygons, groups: list[tuple[int, tuple[str, ...]]], only: Sequence[str], counts: Counter[Content]
+) -> Polygons:
+    """Return the faces in the groups that the user names; count these groups, and the other parts.
+    groups : first face of each group, and its names."""
+    starts, names = zip(*groups, strict=True)
+    faces = map(range, starts, (*starts[1:], len(mesh.sizes)))
+    parts = ((names_in, (names_in[0], run)) for names_in, run in zip(names, faces, strict=True) if run)
+    selected = [*selected_parts(parts, only, counts)]
+    counts[Content("group")] = len({name for name, _ in selected if name})
+    return mesh.part(np.concatenate([np.array(run) for _, run in selected])) if only else mesh
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
