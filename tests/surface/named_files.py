@@ -80,7 +80,8 @@ def scene_file(path: Path, parts=PARTS, above="") -> Path:
         if above and not k:
             scene.graph.update(frame_to=above, frame_from=scene.graph.base_frame)
         parent = {"parent_node_name": above} if above and not k else {}
-        scene.add_geometry(trimesh.Trimesh(V @ turn, F, process=False), name, geom_name=f"{name} mesh", **parent)
+        geometry = {"geom_name": name if path.suffix == ".obj" else f"{name} mesh"}
+        scene.add_geometry(trimesh.Trimesh(V @ turn, F, process=False), name, **geometry, **parent)
     scene.export(path)
     return path
 

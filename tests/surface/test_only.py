@@ -52,7 +52,7 @@ def test_only_the_named_part_is_read_and_the_others_are_counted(name, tmp_path):
     assert not any("unselected" in text for text in whole.record.dropped)
     assert read_surface(path, only=["Roof"]).area == pytest.approx(ROOF.area)
     assert read_surface(path, only=["Walls"]).area == pytest.approx(WALLS.area)
-    other = {"roof.ifc": "IfcWall", "roof.obj": "Walls mesh"}.get(name, "Walls")
+    other = "IfcWall" if name == "roof.ifc" else "Walls"
     assert raw_mesh(path, only=["Roof"]).record.dropped == (f"1 unselected part of '{other}'",)
     assert read_surface(path, only=["Roof", "Walls"]).area == pytest.approx(ROOF.area + WALLS.area)
 
@@ -96,18 +96,17 @@ def test_groups_and_objects_of_an_obj_file_have_names(tmp_path):
     triangle = "f 1 2 3\n"
     path.write_text(
         f"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 1\n{triangle}o hall\ng roof tiles\n{triangle}f 2 3 4\n"
-        f"g wall\nf 2 4 3\no yard\n{triangle}g roof\nf 3 4 1\n"
+        f"g wall\nf 2 4 3\no green yard\n{triangle}g roof\nf 3 4 1\n"
     )
-    faces = {
-        name: len(raw_mesh(path, only=[name]).F) for name in ("hall", "roof", "tiles", "roof tiles", "wall", "yard")
-    }
-    assert faces == {"hall": 3, "roof": 3, "tiles": 2, "roof tiles": 2, "wall": 2, "yard": 2}
+    faces = {"hall": 3, "roof": 3, "tiles": 2, "roof tiles": 2, "wall": 2, "green yard": 2}
+    assert {name: len(raw_mesh(path, only=[name]).F) for name in faces} == faces
+    assert names_offered(path, "yard").startswith("green yard, ")  # an object has one name
     record = raw_mesh(path, only=["tiles"]).record
     assert record.surface_words == "2 faces, 1 group"
     assert record.dropped == (
         "1 unselected part without a name",
         "1 unselected part of 'wall'",
-        "1 unselected part of 'yard'",
+        "1 unselected part of 'green yard'",
         "1 unselected part of 'roof'",
     )
 

@@ -49,8 +49,8 @@ def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFi
         file = TextFile(_join_lines(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
     ignored: Counter[str] = Counter()
-    current_names = {"o": "", "g": ""}
-    groups: list[tuple[int, tuple[str, ...]]] = [(0, ("",))]  # first face of each group, and its names
+    current_names: dict[str, tuple[str, ...]] = {"o": ("",), "g": ("",)}
+    groups: list[_Group] = [(0, ("",), ("",))]
     odd, last_words = "", [""]
     for number, line in file.numbered_lines(budget):
         words = line.split() if "#" not in line else line[: line.index("#")].split()
@@ -66,8 +66,8 @@ def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFi
             elif word == "f":
                 _add_face(corners, sizes, words, len(V) // 3)
             elif word in ("g", "o"):
-                current_names[word] = " ".join(words[1:])
-                groups.append((len(sizes), (current_names[word], *current_names.values(), *words[1:])))
+                current_names[word] = (" ".join(words[1:]), *(words[1:] if word == "g" else ()))
+                groups.append((len(sizes), current_names[word], current_names["o" if word == "g" else "g"]))
             elif word not in _IGNORED_WORDS:
                 ignored[word] += 1
                 if not odd and word not in _IGNORED_SHAPES:
@@ -89,17 +89,19 @@ def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFi
     return PolygonFile(mesh, (*file.doubts, *doubts), dropped, comments.unit, comments.up, contents(inventory))
 
 
-def _named_faces(
-    mesh: Polygons, groups: list[tuple[int, tuple[str, ...]]], only: Sequence[str], counts: Counter[Content]
-) -> Polygons:
-    """Return the faces in the groups that the user names; count these groups, and the other parts.
-    groups : first face of each group, and its names."""
-    starts, names = zip(*groups, strict=True)
-    faces = map(range, starts, (*starts[1:], len(mesh.sizes)))
-    parts = ((names_in, (names_in[0], run)) for names_in, run in zip(names, faces, strict=True) if run)
-    selected = [*selected_parts(parts, only, counts)]
-    counts[Content("group")] = len({name for name, _ in selected if name})
-    return mesh.part(np.concatenate([np.array(run) for _, run in selected])) if only else mesh
+_Group = tuple[int, tuple[str, ...], tuple[str, ...]]
+"""First face of a group, its names, and those of the object around it. A line `g roof tiles` names two groups."""
+
+
+def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], counts: Counter[Content]) -> Polygons:
+    """Return the faces in the groups that the user names; count these groups, and the other parts."""
+    ends = (*(start for start, _, _ in groups[1:]), len(mesh.sizes))
+    runs = [(*group, end) for group, end in zip(groups, ends, strict=True) if group[0] < end]
+    if only:
+        runs = [*selected_parts((((*run[1], *run[2]), run) for run in runs), only, counts)]
+        mesh = mesh.part(np.concatenate([np.arange(start, end) for start, _, _, end in runs]))
+    counts[Content("group")] = len({names[0] for _, names, _, _ in runs} - {""})
+    return mesh
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
