@@ -115,6 +115,29 @@ def test_slabs_become_their_middle_surfaces(tmp_path):
     assert proposal.preset.surface.up == "z"
 
 
+@pytest.mark.parametrize(("body_name", "count"), [("Body", 1), ("Facetation", 1), ("FootPrint", 0)])
+def test_only_the_body_of_an_element_is_its_shape(body_name, count, tmp_path):
+    from ifcopenshell.api import context, geometry
+
+    model, body, (top, _) = ifc_model()
+    deck = ifc_element(model, body, top, "IfcSlab", "Deck", slab())
+    ifc_element(model, body, top, "IfcSlab", "Other", slab(low=(0, 0, 1)))
+    (shape,) = deck.Representation.Representations
+    shape.RepresentationIdentifier = body_name
+    for name in ("Box", "Reference", "FootPrint", "Clearance"):
+        other = context.add_context(
+            model, context_type="Model", context_identifier=name, target_view="PLAN_VIEW", parent=body.ParentContext
+        )
+        V, faces = slab(low=(0, 0, 7))
+        shape = geometry.add_mesh_representation(model, context=other, vertices=[V.tolist()], faces=[faces])
+        geometry.assign_representation(model, product=deck, representation=shape)
+    model.write(str(path := tmp_path / "roof.ifc"))
+    raw = raw_mesh(path)
+    assert np.ptp(raw.V[:, 2]) == pytest.approx(0.2 + count)
+    assert raw.record.surface_words == ("2 IfcSlab elements" if count else "1 IfcSlab element")
+    assert raw.record.dropped == (() if count else ("1 IfcSlab element without faces",))
+
+
 def test_a_roof_in_survey_coordinates_is_the_same_roof(tmp_path):
     """The place, and in the second file the vertices, are far away; only digits beyond those of a double are lost."""
     here, placed = (roof_file(tmp_path / f"{k}.ifc", place) for k, place in enumerate(((0.0, 0.0, 0.0), FAR)))

@@ -20,6 +20,8 @@ from dsfab.surface.files.reading import (
     selected_parts,
 )
 
+NO_BODIES = ("Annotation", "Axis", "Box", "Clearance", "CoG", "FootPrint", "Lighting", "Profile", "Reference")
+"""Representations that are not the shape of an element [IFC 4.3, IfcShapeRepresentation]."""
 LEVELS = 50  # Largest number of assemblies, storeys and buildings around an element; more occur in damaged files.
 
 
@@ -47,7 +49,7 @@ def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
     while has_next:
         shape = shapes.get()
         V, F = np.array(shape.geometry.verts, dtype=np.float64), np.array(shape.geometry.faces, dtype=np.int64)
-        if len(F):
+        if len(F) and shape.id in elements and _is_body(shape.context, elements[shape.id]):
             parts.append((V.reshape(-1, 3), F.reshape(-1, 3)))
             counts[Content(f"{elements.pop(shape.id).is_a()} element")] += 1
         has_next = shapes.next()
@@ -80,6 +82,12 @@ def _visible_elements(model: Any, counts: Counter[Content]) -> Iterator[tuple[li
             yield names, product
         elif not product.IsDecomposedBy:
             counts[Content(f"{kind} element", "dropped", "without a shape")] += 1
+
+
+def _is_body(identifier: str, element: Any) -> bool:
+    """Return True if a representation is the shape of an element: its body if it has one, but no axis or box."""
+    identifiers = {shape.RepresentationIdentifier for shape in element.Representation.Representations}
+    return identifier == "Body" if "Body" in identifiers else identifier not in NO_BODIES
 
 
 def _is_hidden(layer: Any) -> bool:
