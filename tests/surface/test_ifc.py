@@ -7,7 +7,8 @@ from numpy.testing import assert_allclose
 from dsfab.core.errors import SurfaceError
 from dsfab.export import write
 from dsfab.preset.proposal import propose
-from dsfab.surface import read_surface, total_area
+from dsfab.preset.proposal.reading import possible_axes
+from dsfab.surface import Surface, read_surface, total_area
 from dsfab.surface.files import ifc
 from dsfab.surface.files.mesh_files import raw_mesh
 from tests.export.solids import solid_box
@@ -100,6 +101,11 @@ def test_a_file_without_a_usual_unit_needs_the_option(unit, words, tmp_path):
     with pytest.raises(SurfaceError, match=f"roof.ifc is in {words}, a unit .* write the unit with --unit"):
         raw_mesh(path)
     assert read_surface(path, "m").area > 0
+
+
+def test_z_is_up_in_ifc_files():
+    standing = Surface(ROOF.V[:, [0, 2, 1]], ROOF.F)
+    assert possible_axes(standing, ".ifc") == {"z": 1.0}
 
 
 def test_slabs_become_their_middle_surfaces(tmp_path):
