@@ -73,7 +73,7 @@ HOME = {
     "lib3mf": {"export", "surface"},
     "ezdxf": {"export", "surface"},
     "rhino3dm": {"export", "surface"},
-    "ifcopenshell": {"export"},
+    "ifcopenshell": {"export", "surface"},
     "pyvista": {"surface"},
     "vtk": {"render"},
     "vtkmodules": {"render"},

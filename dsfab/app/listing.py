@@ -72,8 +72,8 @@ def inspect(
     Parameters
     ----------
     file
-        OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP; a preset (a name or a TOML file); or a folder of
-        results."""
+        OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP, BREP or IFC; a preset (a name or a TOML file); or a folder
+        of results."""
     from dsfab.core.toml_files import shipped_presets
 
     path, is_shipped = Path(file), file in shipped_presets()  # `dome` is the preset, `./dome` a folder
@@ -128,7 +128,7 @@ def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[s
 def _show_mesh(path: Path, source: Source) -> bool:
     from dsfab.surface import DEFAULT_TRIANGLES, mesh_facts, raw_mesh
 
-    raw = raw_mesh(path, source.max_triangles or DEFAULT_TRIANGLES, source.unit)
+    raw = raw_mesh(path, source.max_triangles or DEFAULT_TRIANGLES, source.unit, source.only)
     facts = mesh_facts(path, raw, source.unit)
     accepted, verdict = _verdict(path, source, raw)
     print_result(str(path))

@@ -44,7 +44,7 @@ def new(
     Parameters
     ----------
     mesh
-        OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP."""
+        OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP, BREP or IFC."""
     from dsfab.export import atomic_file
     from dsfab.preset.proposal import propose
 

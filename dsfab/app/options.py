@@ -93,23 +93,32 @@ LoadWish = Annotated[
         "(repeatable).",
     ),
 ]
+Only = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--only",
+        negative=(),
+        help="Name of a part of the mesh file to take: a layer, block, node, object, assembly or storey (repeatable).",
+    ),
+]
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class MeshFlags:
-    """Options for supports and loads of a mesh."""
+    """Options for the parts, supports and loads of a mesh."""
 
     stand: Stand = None
     built_in: BuiltIn = False
     load: LoadWish = ()
+    only: Only = ()
 
     @property
     def wishes(self) -> "MeshWishes":
-        """The user's supports and loads for a mesh, in place of proposed ones."""
+        """The user's parts, supports and loads of a mesh, in place of proposed ones."""
         from dsfab.preset.proposal import MeshWishes
 
-        return MeshWishes(self.stand or "", self.built_in, self.load)
+        return MeshWishes(self.stand or "", self.built_in, self.load, self.only)
 
 
 NO_MESH_FLAGS = MeshFlags()  # dsfab chooses supports and loads.
@@ -177,8 +186,8 @@ class Source(MeshFlags):
 
     def overrides(self) -> dict[str, Any]:
         """Return all changes as values by dotted keys. Raises PresetError for a text without the form KEY=VALUE."""
-        options = {"surface.unit": self.unit, "surface.up": self.up, "surface.max_triangles": self.max_triangles}
-        return self.set_values() | {key: value for key, value in options.items() if value is not None}
+        options = {"unit": self.unit, "up": self.up, "max_triangles": self.max_triangles, "only": [*self.only] or None}
+        return self.set_values() | {f"surface.{key}": value for key, value in options.items() if value is not None}
 
     def set_values(self) -> dict[str, Any]:
         """Return the values of --set by dotted keys. Raises PresetError for a text without the form KEY=VALUE."""
@@ -197,6 +206,7 @@ class Source(MeshFlags):
         words += ["--unit", self.unit] if self.unit is not None else []
         words += ["--stand", self.stand] if self.stand is not None else []
         words += ["--built-in"] * self.built_in + [word for text in self.load for word in ("--load", text)]
+        words += [word for name in self.only for word in ("--only", name)]
         words += ["--max-triangles", str(self.max_triangles)] if self.max_triangles is not None else []
         return words + (["--up", self.up] if self.up is not None else [])
 

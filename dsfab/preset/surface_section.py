@@ -153,8 +153,11 @@ class FileSurface(OwnSurface):
     """A surface from a mesh file."""
 
     file: Path
-    """OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP file. A relative path starts at the preset's folder,
-    in Python at the current folder."""
+    """OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP, BREP or IFC file. A relative path starts at the preset's
+    folder, in Python at the current folder."""
+    only: tuple[str, ...] = ()
+    """Names of the parts of the file that form the surface: layers, blocks, nodes, objects, assemblies, storeys. A name
+    also selects the parts inside. By default all visible parts."""
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files contain their unit."""
     up: Up = "z"
@@ -187,7 +190,7 @@ class FileSurface(OwnSurface):
                 'dsfab.load_preset(name, mesh="FILE"), or add --mesh FILE to a command'
             )
         limit = self.max_triangles or DEFAULT_TRIANGLES
-        result = surface_in_file(self.file, self.unit, self.up, self.mend, limit, self.repair)
+        result = surface_in_file(self.file, self.unit, self.up, self.mend, limit, self.repair, self.only)
         if not any(self.origin):
             return result
         return replace(result, surface=Surface(result.surface.V - self.origin, result.surface.F))

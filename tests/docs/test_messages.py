@@ -18,6 +18,7 @@ COMMANDS = {
     "has the suffix": "build roof.dwg",
     "does not exist": "build kirchendach.obj",
     "is empty": "build empty.obj",
+    "no visible part": "build miles.dxf --only Rof",
     "and no faces": "build points.obj",
     "is in miles": "build miles.dxf",
     "has steps of": "build far.off",

@@ -13,9 +13,9 @@ from dsfab.preset.proposal import propose
 from dsfab.surface import describe, read_surface
 from dsfab.surface.files import drawings, separate_process
 from dsfab.surface.files.mesh_files import raw_mesh
-from dsfab.surface.files.reading import DrawingBudget
-from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_meshes
+from dsfab.surface.files.rhino_and_step import read_rhino
 from tests.shapes import grid
+from tests.surface.named_files import read_in_this_process, step_file
 
 build123d = pytest.importorskip("build123d")
 rhino3dm = pytest.importorskip("rhino3dm")
@@ -25,13 +25,7 @@ APART = pytest.mark.slow
 
 @pytest.fixture
 def within(monkeypatch):
-    """Foreign readers in this process: quicker by the second that a process takes to begin."""
-    readers = {"meshes": lambda path: read_rhino_meshes(path, DrawingBudget()), "cad": read_occt}
-
-    def triangles(kind, path, budget):
-        return readers[kind](path)
-
-    monkeypatch.setattr(separate_process, "foreign_triangles", triangles)
+    read_in_this_process(monkeypatch)
     monkeypatch.setattr(drawings, "read_rhino_in_process", read_rhino)
 
 
@@ -136,6 +130,47 @@ def test_faces_of_a_cad_file_are_one_sheet(tmp_path, suffix, within):
     assert surface.area == pytest.approx(10 * (3 * np.pi / 2 + 2), rel=1e-3)
     radius = np.hypot(surface.V[:, 0], surface.V[:, 1])[surface.V[:, 1] > 1e-6]
     assert radius == pytest.approx(3, rel=1e-6)
+
+
+def hide_parts(path, lengths):
+    """Add the entity INVISIBILITY for the parts of these lengths (mm) to a STEP file, as OCCT writes it."""
+    from OCP.STEPCAFControl import STEPCAFControl_Reader, STEPCAFControl_Writer
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDF import TDF_ChildIterator
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+
+    document, reader = TDocStd_Document(TCollection_ExtendedString("XCAF")), STEPCAFControl_Reader()
+    reader.ReadFile(str(path))
+    reader.Transfer(document)
+    labels = TDF_ChildIterator(XCAFDoc_DocumentTool.ShapesLabel_s(document.Main()))
+    while labels.More():
+        shape = build123d.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(labels.Value()))
+        if not XCAFDoc_ShapeTool.IsAssembly_s(labels.Value()) and round(shape.bounding_box().size.X) in lengths:
+            XCAFDoc_DocumentTool.ColorTool_s(document.Main()).SetVisibility(labels.Value(), False)
+        labels.Next()
+    writer = STEPCAFControl_Writer()
+    writer.Transfer(document)
+    writer.Write(str(path))
+    return path
+
+
+def test_invisible_parts_of_a_step_file_are_ignored_and_counted(tmp_path, within):
+    path = hide_parts(step_file(tmp_path / "roof.step", above="shell"), (5000,))
+    assert "INVISIBILITY" in path.read_text()
+    raw = raw_mesh(path)
+    assert raw.record.dropped == ("1 hidden object",)
+    assert read_surface(path).area == pytest.approx(3 * 2)
+    assert read_surface(path).V[:, 2].min() == pytest.approx(0.7)
+    assert read_surface(path, only=["shell"]).area == pytest.approx(3 * 2)
+    with pytest.raises(SurfaceError, match="no visible part has the name 'Walls'; the names are "):
+        raw_mesh(path, only=["Walls"])
+
+
+def test_a_step_file_with_invisible_parts_only_is_refused(tmp_path, within):
+    path = hide_parts(step_file(tmp_path / "roof.step"), (3000, 5000))
+    with pytest.raises(SurfaceError, match="it has no faces, only curves or points; ignored: 2 hidden objects"):
+        raw_mesh(path)
 
 
 def test_meshes_of_dxf(tmp_path):

@@ -19,13 +19,13 @@ from dsfab.app.hops.protocol import HopsError, read_request
 from dsfab.core.errors import SurfaceError
 from dsfab.core.units import METRES_PER
 from dsfab.surface import describe, read_surface
-from dsfab.surface.files import separate_process
 from dsfab.surface.files.drawings import closed_curves, marks_on_layers, read_dxf
 from dsfab.surface.files.mesh_files import raw_mesh
 from dsfab.surface.files.reading import DrawingBudget, mark
-from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_json, read_rhino_meshes
+from dsfab.surface.files.rhino_and_step import read_rhino, read_rhino_json
 from dsfab.surface.shapes import plate
 from tests.bad_meshes import threemf
+from tests.surface.named_files import read_in_this_process
 
 rhino3dm = pytest.importorskip("rhino3dm")
 ROOF = plate(length=3.0, width=2.0, edge=1.0)
@@ -37,9 +37,7 @@ FAR = np.array([466000.1, 5247000.1, 560.1])
 
 @pytest.fixture(autouse=True)
 def within(monkeypatch):
-    """Foreign readers in this process: quicker by the second that a process takes to begin."""
-    readers = {"meshes": lambda path: read_rhino_meshes(path, DrawingBudget()), "cad": read_occt}
-    monkeypatch.setattr(separate_process, "foreign_triangles", lambda kind, path, budget: readers[kind](path))
+    read_in_this_process(monkeypatch)
 
 
 def content(path):

@@ -174,7 +174,7 @@ def test_a_copy_of_a_fine_sheet_is_no_scan():
     assert not is_scan(fine.V, np.vstack([fine.F, fine.F[:, ::-1]]))
 
 
-IN_PROCESS = {"meshes": lambda path: read_rhino_meshes(path, DrawingBudget()), "cad": read_occt}
+IN_PROCESS = {"meshes": lambda path, only: read_rhino_meshes(path, DrawingBudget(), only), "cad": read_occt}
 UNITS = {"m": 1.0, "mm": 1e3, "in": 1 / 0.0254}
 
 
@@ -275,7 +275,7 @@ def test_a_vault_with_both_diagonals_is_one_vault_in_each_format(suffix, tmp_pat
 @pytest.mark.parametrize("suffix", [pytest.param(".step", marks=pytest.mark.slow), ".dxf", ".3dm"])
 def test_panels_drawn_twice_are_as_large_in_each_unit(suffix, tmp_path, monkeypatch):
     """Four panels of a barrel, each also drawn from its other end: in metres, millimetres and inches."""
-    monkeypatch.setattr(separate_process, "foreign_triangles", lambda kind, path, _: IN_PROCESS[kind](path))
+    monkeypatch.setattr(separate_process, "foreign_triangles", lambda kind, path, _, only: IN_PROCESS[kind](path, only))
     sizes = [read_surface(path, mend=True).area for path in PANELS[suffix](tmp_path)]
     assert len(sizes) == 3
     assert sizes == pytest.approx([sizes[0]] * 3, rel=1e-7 if suffix == ".3dm" else 1e-9)  # rhino3dm: 32-bit vertices

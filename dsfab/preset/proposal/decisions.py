@@ -15,7 +15,7 @@ from dsfab.core.messages import length
 from dsfab.preset.file import preset_from
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal.judgement import DOUBT
-from dsfab.preset.proposal.loads import MeshWishes, load_words, takes_snow
+from dsfab.preset.proposal.loads import NO_WISHES, MeshWishes, load_words, takes_snow
 from dsfab.preset.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.preset.proposal.reading import Decision, UserMesh, mesh_in_file, mesh_in_memory, vertical_axis
 from dsfab.preset.proposal.readings import SupportPlace
@@ -26,7 +26,6 @@ from dsfab.surface import RawMesh, Surface
 
 OWN = "roof"  # Shipped preset without a surface; with `--mesh`, dsfab proposes a preset instead.
 LISTED = 4  # Largest number of supports that a decision lists by name.
-NO_WISHES = MeshWishes()  # The user has no wishes: dsfab chooses supports and loads.
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +116,7 @@ def propose(
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):
-        user_mesh = mesh_in_file(Path(mesh), unit, axis, max_triangles, raw, wishes.stand)
+        user_mesh = mesh_in_file(Path(mesh), unit, axis, max_triangles, raw, wishes)
     else:
         user_mesh = mesh_in_memory(mesh, unit, axis, wishes.stand)
     marks = drawn_marks(user_mesh)

@@ -28,11 +28,13 @@ class MeshWishes:
     """The user's choices for a surface, which replace dsfab's own choices.
     stand    : name of a way of support (feet, edge ...), a height (m) below which the edge is supported, or "".
     built_in : True if the supports are clamped.
-    loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2"."""
+    loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2".
+    only     : names of the parts of the mesh file that form the surface; all parts by default."""
 
     stand: str = ""
     built_in: bool = False
     loads: tuple[str, ...] = ()
+    only: tuple[str, ...] = ()
 
     def pressures(self, kind: str, is_model: bool) -> dict[str, float]:
         """Return the pressures (Pa) of the loads by name, without the weight. A printed model has no loads by default.
@@ -57,6 +59,9 @@ class MeshWishes:
                 )
             pressures[name] = 1000 * number
         return pressures
+
+
+NO_WISHES = MeshWishes()  # The user has no wishes: dsfab chooses supports and loads.
 
 
 def _positive(text: str) -> float:

@@ -14,6 +14,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.core.messages import coordinates, length
 from dsfab.core.units import metres_per
 from dsfab.preset.proposal.judgement import SupportChoice, choice
+from dsfab.preset.proposal.loads import NO_WISHES, MeshWishes
 from dsfab.preset.proposal.readings import SOLE, SupportPlace, soles
 from dsfab.preset.proposal.shape import depth_within, is_figure
 from dsfab.surface import (
@@ -34,7 +35,7 @@ from dsfab.surface import (
     upright_vertices,
 )
 
-Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf")
+Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf", ".ifc")
 """Suffixes of files in which z is the vertical axis, by their format or program; glTF files are rotated when read."""
 MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files in which z mostly is the vertical axis.
 Y_UP = 0.7  # Factor on scores if y is the vertical axis, which few programs use.
@@ -124,14 +125,14 @@ def mesh_in_file(
     up: Up | None,
     max_triangles: int | None = None,
     raw: RawMesh | None = None,
-    stand: str = "",
+    wishes: MeshWishes = NO_WISHES,
 ) -> UserMesh:
     """Return the mesh in a file.
     unit, up : unit and vertical axis; None lets dsfab choose.
     max_triangles : largest number of triangles.    raw : content of the file, if the caller has read it.
-    stand    : supports that the user wants, see `choice`.
+    wishes   : parts of the file and supports that the user wants.
     Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair."""
-    raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES, unit)
+    raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES, unit, wishes.only)
     finite_faces(path, raw)
     scan, usual = is_scan(raw.V, raw.F), unit or unit_guess(raw)
     file_surface = surface_of_file(path, better := mended_raw_mesh(raw, scan, usual), usual)
@@ -139,11 +140,12 @@ def mesh_in_file(
     is_open = unit is None and raw.unit is None and not is_figure(surface)
     axes = {up: 1.0} if up else possible_axes(surface, path.suffix, raw.up)
     numbers = Surface(surface.V / metres_per(usual), surface.F) if is_open else surface
-    chosen = choice(numbers, axes, "" if is_open else usual, stand)
+    chosen = choice(numbers, axes, "" if is_open else usual, wishes.stand)
     if chosen.unit != usual:
         file_surface = surface_of_file(path, better := mended_raw_mesh(raw, scan, chosen.unit), chosen.unit)
         surface = file_surface.surface
-    keys: dict[str, Any] = {"file": str(path), "unit": chosen.unit}
+    only = {"only": [*wishes.only]} if wishes.only else {}
+    keys: dict[str, Any] = {"file": str(path), "unit": chosen.unit} | only
     if max_triangles is not None:
         keys["max_triangles"] = max_triangles
     words = _unit_words(surface, chosen, raw.unit, unit)

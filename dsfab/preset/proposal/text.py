@@ -78,6 +78,7 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
     yield "[surface]"
     comments = {"unit": notes["unit"], "up": notes["up"], "mend": notes.get("mended", "")}
     comments["repair"] = comments["mend"]
+    comments["only"] = "parts of the file that form the surface"
     comments["origin"] = "m; output files have their origin at this point of the mesh"
     for key, value in keys.items():
         if key != "mesh":

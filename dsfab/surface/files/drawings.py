@@ -32,6 +32,7 @@ from dsfab.surface.files.reading import (
     hidden_on,
     mark,
     readable,
+    selected_parts,
 )
 from dsfab.surface.files.separate_process import read_rhino_in_process
 
@@ -48,7 +49,7 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats, bool]](), list[tuple[str, Floats, bool]](), 0
     drawing = _Entities(document, budget, hidden_layers=True)
-    for entity, layer, _, hidden in drawing.leaves(document.modelspace(), 0):
+    for entity, (layer, *_), _, hidden in drawing.leaves(document.modelspace()):
         for curve in _curves(entity):
             count += len(curve)
             budget.require("points", count)
@@ -59,22 +60,22 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
     return Drawing(tuple(runs), tuple(layers), _unit(document), tuple(dots))
 
 
-def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
+def read_dxf_meshes(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
     """Return the meshes of a DXF file (3DFACE, MESH, polyface and polygon meshes), with blocks expanded.
+    only : names of layers and blocks, see `selected_parts`.
     Vertices at exactly the same place become one vertex. Raises SurfaceError for a file without meshes or beyond the
     budget, MalformedFileError for an incomplete or foreign file."""
     document = _document(path)
     V, corners, sizes, count = list[Floats](), list[Ints](), list[Ints](), 0
     drawing = _Entities(document, DrawingBudget(entities=budget.triangles, seconds=budget.seconds))
-    for entity, layer, mirrored, _ in drawing.leaves(document.modelspace(), 0):
-        meshes = [*_polygons(entity)]
-        drawing.counts[_content(entity, layer, bool(meshes))] += 1
-        for mesh in meshes:
-            V.append(mesh.V)
-            corners.append((mesh.corners[::-1] if mirrored else mesh.corners) + count)
-            sizes.append(mesh.sizes[::-1] if mirrored else mesh.sizes)
-            count += len(mesh.V)
-            budget.require_vertices(count)
+    parts = drawing.meshes(document.modelspace())
+    for mesh, mirrored, content in selected_parts(parts, only, drawing.counts):
+        drawing.counts[content] += 1
+        V.append(mesh.V)
+        corners.append((mesh.corners[::-1] if mirrored else mesh.corners) + count)
+        sizes.append(mesh.sizes[::-1] if mirrored else mesh.sizes)
+        count += len(mesh.V)
+        budget.require_vertices(count)
     pages = (page for page in document.layouts if not page.is_modelspace)
     on_paper = sum(entity.dxftype() != "VIEWPORT" for page in pages for entity in page)
     inventory = contents(drawing.counts + Counter({Content("object", "beside", "in paper space"): on_paper}))
@@ -89,10 +90,9 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
     return TriangleFile(points, faces, _unit(document), content=inventory)
 
 
-def _content(entity: Any, layer: str, has_mesh: bool) -> Content:
+def _content(entity: Any, layer: str) -> Content:
+    """Return the inventory entry of an entity without a mesh."""
     kind = entity.dxftype()
-    if has_mesh:
-        return Content("face" if kind == "3DFACE" else "mesh")
     if kind in SOLIDS:
         return Content("solid", "dropped", "or surface in AutoCAD's own format")
     if kind in CURVES or kind == "POINT":
@@ -155,30 +155,41 @@ class _Entities:
         self.hidden = self.frozen | {layer.dxf.name.lower() for layer in document.layers if layer.is_off()}
         self.hidden_layers = hidden_layers
 
+    def meshes(self, entities: Any) -> Iterator[tuple[tuple[str, ...], tuple[Polygons, bool, Content]]]:
+        """Yield the names, the mesh and the content of each visible entity with a mesh; count the other entities.
+        Between mesh and content: True if the entity is in a mirrored block."""
+        for entity, names, mirrored, _ in self.leaves(entities):
+            meshes = [*_polygons(entity)]
+            if not meshes:
+                self.counts[_content(entity, names[0])] += 1
+            content = Content("face" if entity.dxftype() == "3DFACE" else "mesh")
+            yield from ((names, (mesh, mirrored, content)) for mesh in meshes)
+
     def leaves(
-        self, entities: Any, depth: int, outer: str = "0", mirrored: bool = False, hidden: bool = False
-    ) -> Iterator[tuple[Any, str, bool, bool]]:
-        """Yield each visible entity with its layer, True if its block is mirrored, and True if its layer is hidden.
-        Layer 0 in a block means the layer `outer` on which the block is inserted."""
-        if depth > self.budget.depth:
+        self, entities: Any, outer_names: tuple[str, ...] = (), mirrored: bool = False, hidden: bool = False
+    ) -> Iterator[tuple[Any, tuple[str, ...], bool, bool]]:
+        """Yield each visible entity with its names, True if its block is mirrored, and True if its layer is hidden.
+        The names are its layer, then layer and name of each block insertion around it (`outer_names`), from inside.
+        Layer 0 in a block means the layer on which the block is inserted."""
+        if len(outer_names) > 2 * self.budget.depth:
             raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
         for entity in entities:
             self.count += 1
             self.budget.require("entities", self.count)
             _require_numbers(entity)
-            layer = outer if entity.dxf.layer == "0" else entity.dxf.layer
+            layer = outer_names[0] if outer_names and entity.dxf.layer == "0" else entity.dxf.layer
             is_block = entity.dxftype() == "INSERT"
             is_hidden = hidden or layer.lower() in (self.frozen if is_block else self.hidden)
             if (is_hidden and not self.hidden_layers) or entity.dxf.get("invisible", 0):
                 self.counts[hidden_on(layer)] += 1
             elif is_block:
-                yield from self._block_entities(entity, depth, layer, mirrored, is_hidden)
+                yield from self._block_entities(entity, (layer, entity.dxf.name, *outer_names), mirrored, is_hidden)
             else:
-                yield entity, layer, mirrored, is_hidden
+                yield entity, (layer, *outer_names), mirrored, is_hidden
 
     def _block_entities(
-        self, insert: Any, depth: int, layer: str, mirrored: bool, hidden: bool
-    ) -> Iterator[tuple[Any, str, bool, bool]]:
+        self, insert: Any, names: tuple[str, ...], mirrored: bool, hidden: bool
+    ) -> Iterator[tuple[Any, tuple[str, ...], bool, bool]]:
         self.budget.require("entities", self.count + insert.mcount)
         block = insert.block()
         if block is None or block.block.is_xref:
@@ -188,7 +199,7 @@ class _Entities:
         turned = insert.matrix44().determinant() < 0  # the matrix includes all outer blocks
         self.counts[Content("block insertion" if turned == mirrored else "mirrored block insertion")] += insert.mcount
         for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
-            yield from self.leaves(copy.virtual_entities(), depth + 1, layer, turned, hidden)
+            yield from self.leaves(copy.virtual_entities(), names, turned, hidden)
 
 
 def _require_numbers(entity: Any) -> None:

@@ -5,7 +5,7 @@ import binascii
 import json
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import unquote
@@ -25,6 +25,7 @@ from dsfab.surface.files.reading import (
     hidden_on,
     is_mirrored,
     mesh_at,
+    selected_parts,
     text_file,
 )
 from dsfab.surface.orientation import upright_vertices
@@ -133,7 +134,7 @@ _HARMLESS = (
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
-def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> TriangleFile:
+def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes], only: Sequence[str] = ()) -> TriangleFile:
     """Return the triangles of the scene in a binary file, metres with z up; see `read_gltf`. Raises MalformedFileError
     for a damaged or incomplete file, SurfaceError beyond the budget."""
     if data[:4] != b"glTF":
@@ -157,17 +158,22 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> Tr
         raise MalformedFileError("it has no JSON part that describes its content")
     extra_bytes = len(data) - announced
     dropped = (f"{count_phrase(extra_bytes, 'byte')} after its end",) if extra_bytes else ()
-    return _scene(_json_tree(chunks[_JSON]), chunks.get(_BIN), None, budget, dropped)
+    tree = _json_tree(chunks[_JSON])
+    return _scene(Buffers(tree, chunks.get(_BIN), None, budget), only, dropped)
 
 
-def read_gltf(data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes]) -> TriangleFile:
+def read_gltf(
+    data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes], only: Sequence[str] = ()
+) -> TriangleFile:
     """Return the triangles of a JSON file in metres, with coincident vertices merged, and the y axis turned to z.
     read_neighbour : function that returns a file in the same folder.
+    only           : names of nodes and meshes, see `selected_parts`.
     Raises MalformedFileError for a damaged file, SurfaceError beyond the budget."""
     if data[:4] == b"glTF":
-        return read_glb(data, budget, read_neighbour)
+        return read_glb(data, budget, read_neighbour, only)
     file = text_file(data)
-    return _scene(_json_tree(file.text.encode("utf-8")), None, read_neighbour, budget, (), file.doubts)
+    tree = _json_tree(file.text.encode("utf-8"))
+    return _scene(Buffers(tree, None, read_neighbour, budget), only, (), file.doubts)
 
 
 def _json_tree(data: bytes) -> dict[str, Any]:
@@ -189,16 +195,12 @@ def _json_tree(data: bytes) -> dict[str, Any]:
 
 
 def _scene(
-    tree: dict[str, Any],
-    binary: bytes | None,
-    read_neighbour: Callable[[str], bytes] | None,
-    budget: Budget,
-    dropped: tuple[str, ...] = (),
-    doubts: tuple[str, ...] = (),
+    buffers: Buffers, only: Sequence[str], dropped: tuple[str, ...], doubts: tuple[str, ...] = ()
 ) -> TriangleFile:
-    scene = _Scene(tree, Buffers(tree, binary, read_neighbour, budget), budget)
+    tree = buffers.tree
+    scene = _Scene(tree, buffers, buffers.budget)
     try:
-        V, F = concatenated_mesh(list(scene.parts()))
+        V, F = concatenated_mesh(list(scene.parts(only)))
         scene.count_unused()
     except (KeyError, TypeError, AttributeError, IndexError):
         raise MalformedFileError("a part that its JSON names is missing or of the wrong kind") from None
@@ -215,10 +217,9 @@ class _Scene:
     counts: Counter[Content] = field(default_factory=Counter)
     used: set[int] = field(default_factory=set)
 
-    def parts(self) -> Iterator[tuple[Floats, Ints]]:
-        total = 0
-        for mesh, matrix in self._placed_meshes():
-            self.used.add(mesh)
+    def parts(self, only: Sequence[str]) -> Iterator[tuple[Floats, Ints]]:
+        total, nodes = 0, selected_parts(self._shown_nodes(), only, self.counts)
+        for mesh, matrix in (placed for node, place in nodes for placed in self._placed_meshes(node, place)):
             for primitive in self.tree["meshes"][mesh]["primitives"]:
                 mode = primitive.get("mode", _TRIANGLES)
                 if mode not in (_TRIANGLES, _STRIP, _FAN):
@@ -236,32 +237,37 @@ class _Scene:
         self.counts[Content("mesh", "dropped", "outside the visible scene")] += unused
         self.counts[Content("camera", "beside")] += len(self.tree.get("cameras", ()))
 
-    def _placed_meshes(self) -> Iterator[tuple[int, Floats]]:
+    def _placed_meshes(self, node: dict[str, Any], matrix: Floats) -> Iterator[tuple[int, Floats]]:
+        self.counts[Content("mirrored mesh" if is_mirrored(matrix) else "mesh")] += 1
+        instances = self._instances(node.get("extensions", {}).get("EXT_mesh_gpu_instancing", {}).get("attributes", {}))
+        yield from ((node["mesh"], matrix @ place) for place in instances)
+
+    def _shown_nodes(self) -> Iterator[tuple[list[str], tuple[dict[str, Any], Floats]]]:
+        """Yield the names of each node with a mesh, and of the nodes around it; and the node with its matrix (4, 4)."""
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         inner = {child for node in nodes for child in node.get("children", [])}
         roots = [k for k in range(len(nodes)) if k not in inner]
         shown_nodes = scenes[self.tree.get("scene", 0)].get("nodes", []) if scenes else roots
-        waiting = [(k, np.eye(4), 1, True) for k in reversed(shown_nodes)]
+        waiting = [(k, np.eye(4), list[str](), True) for k in reversed(shown_nodes)]
         seen = set[int]()
         while waiting:
-            number, above, depth, shown = waiting.pop()
-            if number in seen or depth > 200:  # files of usual programs have up to 100 levels
+            number, above, outer_names, shown = waiting.pop()
+            if number in seen or len(outer_names) >= 200:  # files of usual programs have up to 100 levels
                 raise MalformedFileError("its nodes are not a tree: a node has two parents, or contains itself")
             seen.add(number)
             node = nodes[number]
-            extensions = node.get("extensions", {})
-            shown = shown and extensions.get("KHR_node_visibility", {}).get("visible", True)
+            shown = shown and node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True)
+            names = [str(node.get("name", "")), *outer_names]
             matrix = above @ _matrix(node)
             if "skin" in node:
                 self.counts[Content("skin", "dropped")] += 1
-            if "mesh" in node and not shown:
+            if "mesh" in node:
                 self.used.add(node["mesh"])
-                self.counts[hidden_on("")] += 1
-            elif "mesh" in node:
-                self.counts[Content("mirrored mesh" if is_mirrored(matrix) else "mesh")] += 1
-                instances = self._instances(extensions.get("EXT_mesh_gpu_instancing", {}).get("attributes", {}))
-                yield from ((node["mesh"], matrix @ place) for place in instances)
-            waiting.extend((child, matrix, depth + 1, shown) for child in reversed(node.get("children", [])))
+                if shown:
+                    yield [*names, str(self.tree["meshes"][node["mesh"]].get("name", ""))], (node, matrix)
+                else:
+                    self.counts[hidden_on("")] += 1
+            waiting.extend((child, matrix, names, shown) for child in reversed(node.get("children", [])))
 
     def _instances(self, attributes: dict[str, int]) -> Iterator[Floats]:
         """Yield the matrices of the instances of a mesh; without instances an identity matrix."""

@@ -1,7 +1,7 @@
 """Reader of mesh files in any format. It returns raw arrays with shared vertices."""
 
 import difflib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,7 +18,15 @@ from dsfab.surface.files.gltf import read_glb, read_gltf
 from dsfab.surface.files.obj_and_off import read_obj, read_off
 from dsfab.surface.files.ply import read_ply
 from dsfab.surface.files.polygons import Polygons, triangles
-from dsfab.surface.files.reading import Content, MalformedFileError, PolygonFile, number_steps, readable
+from dsfab.surface.files.reading import (
+    ONLY_OPTION,
+    UNSELECTED,
+    Content,
+    MalformedFileError,
+    PolygonFile,
+    number_steps,
+    readable,
+)
 from dsfab.surface.files.separate_process import read_3dm, read_cad
 from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
 
@@ -102,26 +110,32 @@ class RawMesh:
         return METRES_PER[self.unit] if self.unit else 1.0
 
 
-CAD_SUFFIXES = (*(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"), *(".fbx", ".blend", ".ifc", ".rvt", ".gh"))
+CAD_SUFFIXES = (*(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"), *(".fbx", ".blend", ".rvt", ".gh"))
 """Suffixes of files of CAD programs that dsfab does not read."""
 
 
-def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: str | None = None) -> RawMesh:
-    """Read a file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP format, according to the suffix.
+def raw_mesh(
+    path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: str | None = None, only: Sequence[str] = ()
+) -> RawMesh:
+    """Read a file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP, BREP or IFC format, according to the suffix.
 
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
     unit           : unit of the coordinates, used only if dsfab does not know the unit that the file declares.
+    only           : names of the parts to read, see `selected_parts`; by default all parts.
 
     The y axis of glTF files becomes z. Polygons are cut into triangles. STL and glTF vertices at exactly the same
     place become one vertex. For other formats, see `with_shared_vertices`. Unused vertices are removed.
 
-    Raises SurfaceError for an unreadable file, a file beyond the limits, and an unknown unit if `unit` is not set."""
+    Raises SurfaceError for an unreadable file, a file beyond the limits, an unknown name, and an unknown unit if `unit`
+    is not set."""
     path = Path(path)
     suffix = _suffix(path)
     budget = Budget(most_triangles)
     with readable(path, "make the mesh coarser", "it is damaged, or of a kind that dsfab does not know"):
         budget.require_bytes(path.stat().st_size)
-        raw = _read(path, suffix, budget)
+        if only and suffix in _WITHOUT_NAMES:
+            raise SurfaceError(f"{suffix[1:].upper()} files have no names of parts; leave out {ONLY_OPTION}")
+        raw = _read(path, suffix, budget, only)
     if raw.unit not in (None, *METRES_PER):
         if unit is None:
             raise SurfaceError(
@@ -132,18 +146,20 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: st
     return _checked_mesh(path, raw)
 
 
-def _read(path: Path, suffix: str, budget: Budget) -> RawMesh:
+def _read(path: Path, suffix: str, budget: Budget, only: Sequence[str]) -> RawMesh:
     if suffix in _BY_PATH:
-        return _from_triangles(_BY_PATH[suffix](path, budget), suffix)
+        return _from_triangles(_BY_PATH[suffix](path, budget, only), suffix)
     data = path.read_bytes()
+    if suffix == ".obj":
+        return _from_polygons(read_obj(data, budget, only), suffix, budget)
     if suffix in _POLYGONS:
         return _from_polygons(_POLYGONS[suffix](data, budget), suffix, budget)
     if suffix == ".3mf":
-        mesh = read_3mf(data, budget)
+        mesh = read_3mf(data, budget, only)
     elif suffix == ".stl":
         mesh = read_stl(data, budget)
     else:
-        mesh = _GLTF[suffix](data, budget, lambda name: _neighbour_file(path, name, budget))
+        mesh = _GLTF[suffix](data, budget, lambda name: _neighbour_file(path, name, budget), only)
     return _from_triangles(mesh, suffix)
 
 
@@ -205,7 +221,8 @@ def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
         raise SurfaceError(f"{path} has coordinates up to {largest:.3g}, too large in any unit; export it again")
     steps = number_steps(raw.V, raw.F, raw.unit)[1]
     record = replace(raw.record, read=(*raw.record.read, steps)) if steps else raw.record
-    if len(used) < n and not record.repaired:
+    has_unselected = any(thing.kind == UNSELECTED for thing in record.content)  # their vertices are unused
+    if len(used) < n and not record.repaired and not has_unselected:
         record = record.also((), (f"{count_phrase(n - len(used), 'vertex')} without a face",))
     return replace(raw, V=raw.V[used], F=F.reshape(-1, 3).astype(np.int64), record=record)
 
@@ -230,15 +247,16 @@ def _suffix(path: Path) -> str:
     return suffix
 
 
-_POLYGONS: dict[str, Callable[[bytes, Budget], PolygonFile]] = {".obj": read_obj, ".ply": read_ply, ".off": read_off}
-_GLTF: dict[str, Callable[[bytes, Budget, Callable[[str], bytes]], TriangleFile]] = {
+_POLYGONS: dict[str, Callable[[bytes, Budget], PolygonFile]] = {".ply": read_ply, ".off": read_off}
+_GLTF: dict[str, Callable[[bytes, Budget, Callable[[str], bytes], Sequence[str]], TriangleFile]] = {
     ".glb": read_glb,
     ".gltf": read_gltf,
 }
-_BY_PATH: dict[str, Callable[[Path, Budget], TriangleFile]] = {
+_BY_PATH: dict[str, Callable[[Path, Budget, Sequence[str]], TriangleFile]] = {
     ".3dm": read_3dm,
     ".dxf": read_dxf_meshes,
-    **dict.fromkeys((".step", ".stp", ".brep"), read_cad),
+    **dict.fromkeys((".step", ".stp", ".brep", ".ifc"), read_cad),
 }
-MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".3dm", ".dxf", ".step", ".stp", ".brep")
+_WITHOUT_NAMES = (".ply", ".off", ".stl", ".brep")
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", *_BY_PATH)
 """Suffixes of the mesh files that dsfab reads."""

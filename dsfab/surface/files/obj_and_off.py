@@ -3,7 +3,7 @@
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from dsfab.surface.files.reading import (
     declarations_in_comments,
     float_of,
     may_lack_digits,
+    selected_parts,
     text_file,
     whole_number,
 )
@@ -37,8 +38,9 @@ _DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a decimal comma.
 LINES_PER_CHECK = 1 << 14  # Number of lines between two checks of the counts of vertices and faces.
 
 
-def read_obj(data: bytes, budget: Budget) -> PolygonFile:
-    """Return the vertices and faces of an OBJ file. Textures, normals and groups are ignored.
+def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFile:
+    """Return the vertices and faces of an OBJ file. Textures and normals are ignored.
+    only : names of objects and groups, see `selected_parts`; faces outside them are counted.
     Lines, points and free forms are only counted. Raises MalformedFileError with the number of a bad line,
     SurfaceError beyond the budget."""
     file = text_file(data)
@@ -47,7 +49,8 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
         file = TextFile(_join_lines(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
     ignored: Counter[str] = Counter()
-    groups, group = set[str](), ""  # groups with faces; current group, "" once it has a face
+    current_names: dict[str, tuple[str, ...]] = {"o": ("",), "g": ("",)}
+    groups: list[_Group] = [(0, ("",), ("",))]
     odd, last_words = "", [""]
     for number, line in file.numbered_lines(budget):
         words = line.split() if "#" not in line else line[: line.index("#")].split()
@@ -62,11 +65,9 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
                 _add_vertex(V, words, line)
             elif word == "f":
                 _add_face(corners, sizes, words, len(V) // 3)
-                if group:
-                    groups.add(group)
-                    group = ""
             elif word in ("g", "o"):
-                group = " ".join(words[1:])
+                current_names[word] = (" ".join(words[1:]), *(words[1:] if word == "g" else ()))
+                groups.append((len(sizes), current_names[word], current_names["o" if word == "g" else "g"]))
             elif word not in _IGNORED_WORDS:
                 ignored[word] += 1
                 if not odd and word not in _IGNORED_SHAPES:
@@ -79,12 +80,28 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     doubts = file.cut_off("a vertex") if last_words[0] == "v" else ()
     if last_words[0] == "f" and not file.ended and _may_be_cut(last_words[1:], max(sizes), len(V) // 3, file.text):
         doubts = file.cut_off("a face")
-    inventory = Counter({Content("group"): len(groups)})
+    inventory = Counter[Content]()
+    mesh = _named_faces(mesh, groups, only, inventory)
     for shape, kind in _IGNORED_SHAPES.items():
         inventory[Content(kind, "dropped")] += ignored[shape]
     odd_lines = sum(count for word, count in ignored.items() if word not in _IGNORED_SHAPES)
     dropped = (f"{count_phrase(odd_lines, 'line')} that OBJ does not know (first: {odd})",) if odd_lines else ()
     return PolygonFile(mesh, (*file.doubts, *doubts), dropped, comments.unit, comments.up, contents(inventory))
+
+
+_Group = tuple[int, tuple[str, ...], tuple[str, ...]]
+"""First face of a group, its names, and those of the object around it. A line `g roof tiles` names two groups."""
+
+
+def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], counts: Counter[Content]) -> Polygons:
+    """Return the faces in the groups that the user names; count these groups, and the other parts."""
+    ends = (*(start for start, _, _ in groups[1:]), len(mesh.sizes))
+    runs = [(*group, end) for group, end in zip(groups, ends, strict=True) if group[0] < end]
+    if only:
+        runs = [*selected_parts((((*run[1], *run[2]), run) for run in runs), only, counts)]
+        mesh = mesh.part(np.concatenate([np.arange(start, end) for start, _, _, end in runs]))
+    counts[Content("group")] = len({names[0] for _, names, _, _ in runs} - {""})
+    return mesh
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:

@@ -1,5 +1,6 @@
 """Reader of mesh files: a checked, oriented `Surface`, and facts about the file."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -48,6 +49,7 @@ def read_surface(
     mend: bool = False,
     max_triangles: int = DEFAULT_TRIANGLES,
     repair: bool = False,
+    only: Sequence[str] = (),
 ) -> Surface:
     """Return the surface in a mesh file, or in a file of a CAD program (`MESH_SUFFIXES`), in metres.
 
@@ -56,6 +58,7 @@ def read_surface(
     mend          : true to mend small faults first, see `dsfab.surface.clean.repair`.
     max_triangles : limit on triangles; the other limits of reading follow from it.
     repair        : true to convert a raw scan to a clean sheet first, see `dsfab.surface.clean.repair`.
+    only          : names of the parts to read: layers, blocks, nodes, objects, assemblies; by default all parts.
 
     dsfab flips as few faces as possible so that neighbours agree and closed pieces face outward. A piece with one side
     only (a Moebius strip) keeps a seam at which faces disagree. Pinches and several pieces are accepted.
@@ -64,8 +67,9 @@ def read_surface(
     Raises SurfaceError for
     - an unreadable file, and coordinates that are not finite;
     - collapsed or repeated faces, and edges with more than two faces;
-    - parts that touch in a point inside the surface."""
-    return surface_in_file(path, unit, up, mend, max_triangles, repair).surface
+    - parts that touch in a point inside the surface;
+    - a name in `only` that the file lacks, or a format without names."""
+    return surface_in_file(path, unit, up, mend, max_triangles, repair, only).surface
 
 
 def surface_in_file(
@@ -75,9 +79,10 @@ def surface_in_file(
     mend: bool = False,
     max_triangles: int = DEFAULT_TRIANGLES,
     repair: bool = False,
+    only: Sequence[str] = (),
 ) -> SurfaceInFile:
     """Return the surface in a file with the record of reading and repairs; see `read_surface`."""
-    raw = raw_mesh(path, max_triangles, unit)
+    raw = raw_mesh(path, max_triangles, unit, only)
     return surface_of_file(path, mended_raw_mesh(raw, repair, unit) if mend or repair else raw, unit, up)
 
 

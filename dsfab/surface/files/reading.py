@@ -7,18 +7,18 @@ import re
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import SurfaceError
 from dsfab.core.limits import MOST_TRIANGLES
-from dsfab.core.messages import count_phrase
+from dsfab.core.messages import count_phrase, names_and_count
 from dsfab.core.units import UNIT_WORDS
 from dsfab.surface.files.polygons import Polygons
 
@@ -156,16 +156,56 @@ def _mark_layer(word: str) -> str:
 
 
 def contents(counts: Counter[Content]) -> tuple[Content, ...]:
-    """Return the inventory entries with their counts; objects hidden on many layers become one entry."""
+    """Return the inventory entries with their counts; one entry for objects hidden on many layers, and one for
+    unselected parts with many names."""
     shown = {thing: count for thing, count in counts.items() if count}
-    hidden = [thing for thing in shown if thing.kind == "hidden object"]
-    if len(hidden) > MANY_LAYERS:
-        words = f"on {len(hidden)} layers, first {hidden[0].about.removeprefix('on layer ')}"
-        shown[replace(hidden[0], about=words)] = sum(shown.pop(thing) for thing in hidden)
+    for kind, start, plural in (("hidden object", "on layer ", "on {} layers"), (UNSELECTED, "of ", "of {} names")):
+        similar = [thing for thing in shown if thing.kind == kind]
+        if len(similar) > MANY_LAYERS:
+            words = f"{plural.format(len(similar))}, first {similar[0].about.removeprefix(start)}"
+            shown[replace(similar[0], about=words)] = sum(shown.pop(thing) for thing in similar)
     return tuple(replace(thing, count=count) for thing, count in shown.items())
 
 
 MANY_LAYERS = 5  # If objects are hidden on more layers than this, one line reports them all.
+UNSELECTED = "unselected part"  # Kind of the parts that the user's names leave out.
+Part = TypeVar("Part")
+
+
+def selected_parts(
+    parts: Iterable[tuple[Sequence[str], Part]], only: Sequence[str], counts: Counter[Content]
+) -> Iterator[Part]:
+    """Yield the parts of a file that the user names, and count the other parts; without names, yield all parts.
+    parts : pairs of a part and its names: its own, then those of its layer, its block or its assembly.
+    only  : the user's names; upper and lower case are equal unless the file has both.
+    Raises SurfaceError for a name that the file lacks."""
+    if not only:
+        yield from (part for _, part in parts)
+        return
+    named = [([name for name in names if name], part) for names, part in parts]
+    names_in_file = [*dict.fromkeys(name for names, _ in named for name in names)]
+    selected = {_name_in_file(name, names_in_file) for name in only}
+    for names, part in named:
+        if selected.isdisjoint(names):
+            counts[Content(UNSELECTED, "dropped", f"of {names[0]!r}" if names else "without a name")] += 1
+        else:
+            yield part
+
+
+def _name_in_file(name: str, names: list[str]) -> str:
+    matches = [match for match in names if match.lower() == name.lower()]
+    if name in matches or len(matches) == 1:
+        return name if name in matches else matches[0]
+    if matches:
+        raise SurfaceError(f"the name {name!r} may mean {' or '.join(map(repr, matches))}; write one of them exactly")
+    if not names:
+        raise SurfaceError(f"no part has the name {name!r}, or any other name; leave out {ONLY_OPTION}")
+    likeness = {match: difflib.SequenceMatcher(None, match.lower(), name.lower()).ratio() for match in names}
+    nearest = names_and_count(sorted(names, key=lambda match: -likeness[match]), 8)
+    raise SurfaceError(f"no visible part has the name {name!r}; the names are {nearest}: choose with {ONLY_OPTION}")
+
+
+ONLY_OPTION = "--only (surface.only in a preset)"
 
 
 @dataclass(frozen=True)

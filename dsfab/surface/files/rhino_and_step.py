@@ -3,7 +3,7 @@
 import importlib.util
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from dsfab.surface.files.reading import (
     mark,
     mesh_at,
     placed_points,
+    selected_parts,
 )
 
 _KINDS = {
@@ -47,7 +48,8 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
     model = _model(path)
     runs, dots, count = list[tuple[str, Floats, bool]](), list[tuple[str, Floats, bool]](), 0
     drawing = _DrawnObjects(model, budget, hidden_layers=True)
-    for layer, thing, place, hidden in drawing.all():
+    for names, thing, place, hidden in drawing.all():
+        layer = names[1]
         if isinstance(thing, rhino3dm.Curve):
             runs.append((layer, placed_points(_points(thing), place), hidden))
             count += len(runs[-1][1])
@@ -59,21 +61,16 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
     return Drawing(tuple(runs), layers, declared_unit(model.Settings.ModelUnitSystem.name), tuple(dots))
 
 
-def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
+def read_rhino_meshes(path: Path, budget: DrawingBudget, only: Sequence[str] = ()) -> TriangleFile:
     """Return the meshes of a 3DM file, also those saved with its surfaces; blocks are expanded, vertices not joined.
+    only : names of layers (also `A::B`), blocks and objects, see `selected_parts`.
     Raises SurfaceError for a file whose surfaces have no saved meshes. See `read_rhino` for other errors."""
     model = _model(path)
     drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
-    for layer, thing, place, _ in drawing.all():
-        meshes, name = _meshes(thing), type(thing).__name__
+    for thing, meshes, place in selected_parts(drawing.surfaces(), only, drawing.counts):
         bare += meshes is None
-        if meshes:
-            drawing.counts[Content(_KINDS[name])] += 1
-        elif meshes is None:
-            drawing.counts[Content("surface", "dropped", "saved without its mesh")] += 1
-        else:
-            kind = _KINDS.get(name, f"{name} object")
-            drawing.counts[mark(kind, layer) if name in _KINDS else Content(kind, "dropped")] += 1
+        without_mesh = Content("surface", "dropped", "saved without its mesh")
+        drawing.counts[without_mesh if meshes is None else Content(_KINDS[type(thing).__name__])] += 1
         parts += [mesh_at(*_mesh_arrays(mesh), place) for mesh in meshes or ()]
     inventory = contents(drawing.counts)
     if not parts:
@@ -135,54 +132,68 @@ def _model(path: Path) -> Any:
 
 class _DrawnObjects:
     """Iterator over the visible objects of a 3DM file; it yields the objects of a block at each insertion.
+    layers        : names of each layer by its number: its path `A::B`, its own name, then those of the layers above.
     hidden        : numbers of the hidden layers, and of layers within them.
     hidden_layers : true to include the objects on hidden layers.
     counts        : number of block insertions and hidden objects."""
 
     def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.model, self.budget, self.count = model, budget, 0
-        self.layers = {layer.Index: layer.Name for layer in model.Layers}
+        self.layers, self.hidden, self.hidden_layers = dict[int, tuple[str, ...]](), set[int](), hidden_layers
         above = {str(layer.Id): layer for layer in model.Layers}
-        self.hidden, self.hidden_layers = set[int](), hidden_layers
         for layer in model.Layers:
-            outer: Any = layer
-            while outer is not None and outer.Visible:
-                outer = above.get(str(outer.ParentLayerId))
-            if outer is not None:
+            chain = [layer]
+            while (outer := above.get(str(chain[-1].ParentLayerId))) is not None and outer not in chain:
+                chain.append(outer)
+            names = [entry.Name for entry in chain]
+            self.layers[layer.Index] = ("::".join(names[::-1]), *names)
+            if not all(entry.Visible for entry in chain):
                 self.hidden.add(layer.Index)
         self.counts = Counter[Content]()
 
-    def all(self) -> Iterator[tuple[str, Any, Floats, bool]]:
-        """Yield each object outside block definitions: layer, geometry, matrix (4, 4), and True on a hidden layer."""
+    def surfaces(self) -> Iterator[tuple[tuple[str, ...], tuple[Any, list[Any] | None, Floats]]]:
+        """Yield the names of each surface or mesh, its geometry, its meshes and its matrix; count other objects."""
+        for names, thing, place, _ in self.all():
+            meshes, name = _meshes(thing), type(thing).__name__
+            if meshes or meshes is None:
+                yield names, (thing, meshes, place)
+            else:
+                kind = _KINDS.get(name, f"{name} object")
+                self.counts[mark(kind, names[1]) if name in _KINDS else Content(kind, "dropped")] += 1
+
+    def all(self) -> Iterator[tuple[tuple[str, ...], Any, Floats, bool]]:
+        """Yield each object outside block definitions: names, geometry, matrix (4, 4), and True on a hidden layer.
+        The names are those of its layer (see `layers`), its own, and those of the blocks around it."""
         self.budget.require("entities", len(self.model.Objects))
         objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
-        return self.objects(objects, np.eye(4), 0)
+        return self.objects(objects, np.eye(4), ())
 
     def objects(
-        self, things: Iterable[Any], place: Floats, depth: int, hidden: bool = False
-    ) -> Iterator[tuple[str, Any, Floats, bool]]:
+        self, things: Iterable[Any], place: Floats, blocks: tuple[tuple[str, ...], ...], hidden: bool = False
+    ) -> Iterator[tuple[tuple[str, ...], Any, Floats, bool]]:
+        """Yield the objects as `all` does. blocks : names of each block insertion around them, from inside."""
         import rhino3dm
 
-        if depth > self.budget.depth:
+        if len(blocks) > self.budget.depth:
             raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
         for thing in things:
             self.count += 1
             self.budget.require("entities", self.count)
-            layer = self.layers.get(thing.Attributes.LayerIndex, "")
+            names = (*self.layers.get(thing.Attributes.LayerIndex, ("", "")), thing.Attributes.Name)
             is_hidden = hidden or thing.Attributes.LayerIndex in self.hidden
             if not thing.Attributes.Visible or (is_hidden and not self.hidden_layers):
-                self.counts[hidden_on(layer)] += 1
+                self.counts[hidden_on(names[1])] += 1
             elif isinstance(thing.Geometry, rhino3dm.InstanceReference):
                 matrix = _matrix(thing.Geometry.Xform)
                 self.counts[Content("mirrored block insertion" if is_mirrored(matrix) else "block insertion")] += 1
-                inside = self._block_objects(thing.Geometry.ParentIdefId)
-                yield from self.objects(inside, place @ matrix, depth + 1, is_hidden)
+                block = self.model.InstanceDefinitions.FindId(thing.Geometry.ParentIdefId)
+                inside = self._block_objects(block)
+                yield from self.objects(inside, place @ matrix, ((*names, block.Name), *blocks), is_hidden)
             else:
-                yield layer, thing.Geometry, place, is_hidden
+                yield (*names, *(name for of_block in blocks for name in of_block)), thing.Geometry, place, is_hidden
 
-    def _block_objects(self, number: Any) -> list[Any]:
+    def _block_objects(self, block: Any) -> list[Any]:
         """Return the content of a block; raises MalformedFileError if the file lacks it, for example a linked block."""
-        block = self.model.InstanceDefinitions.FindId(number)
         inside = [self.model.Objects.FindId(object_id) for object_id in block.GetObjectIds()] if block else []
         if not inside or None in inside:
             name = f"the block {block.Name!r}" if block else "a block"
@@ -208,8 +219,9 @@ def _points(curve: Any) -> Floats:
     return curve_points(spans, lambda t: np.array([[p.X, p.Y, p.Z] for p in map(curve.PointAt, t)]))
 
 
-def read_occt(path: Path) -> TriangleFile:
+def read_occt(path: Path, only: Sequence[str] = ()) -> TriangleFile:
     """Return the triangles of all faces, not joined. STEP files give millimetres; BREP files have no unit.
+    only : names of parts and assemblies of a STEP file, see `selected_parts`.
     Raises MalformedFileError for a file that OCCT cannot read, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
@@ -217,11 +229,13 @@ def read_occt(path: Path) -> TriangleFile:
     from OCP.TopAbs import TopAbs_FACE
     from OCP.TopExp import TopExp_Explorer
 
-    shape, box = _shape(path), Bnd_Box()
+    counts, box = Counter[Content](), Bnd_Box()
+    shape = _shape(path, only, counts)
     BRepBndLib.Add_s(shape, box)
     faces = TopExp_Explorer(shape, TopAbs_FACE)
     if not faces.More() or box.IsVoid():
-        raise MalformedFileError("it has no faces, only curves or points")
+        over = "".join(f"; ignored: {thing.text}" for thing in contents(counts))
+        raise MalformedFileError(f"it has no faces, only curves or points{over}")
     # limits: distance of triangles from the face 2e-4 of the box's diagonal, angle of neighbours 0.2 radians
     BRepMesh_IncrementalMesh(shape, 2e-4 * box.SquareExtent() ** 0.5, False, 0.2, False)
     parts, lost = list[tuple[Floats, Ints]](), 0
@@ -232,7 +246,9 @@ def read_occt(path: Path) -> TriangleFile:
     if lost == len(parts):
         raise MalformedFileError("none of its faces can be meshed")
     unit = None if path.suffix.lower() == ".brep" else "mm"
-    return TriangleFile(*concatenated_mesh(parts), unit, content=contents(_shape_counts(shape, len(parts), lost)))
+    return TriangleFile(
+        *concatenated_mesh(parts), unit, content=contents(_shape_counts(shape, len(parts), lost) + counts)
+    )
 
 
 def _shape_counts(shape: Any, faces: int, lost: int) -> Counter[Content]:
@@ -251,7 +267,7 @@ def _shape_counts(shape: Any, faces: int, lost: int) -> Counter[Content]:
     return counts
 
 
-def _shape(path: Path) -> Any:
+def _shape(path: Path, only: Sequence[str], counts: Counter[Content]) -> Any:
     from OCP.Message import Message
 
     Message.DefaultMessenger_s().ChangePrinters().Clear()
@@ -264,13 +280,85 @@ def _shape(path: Path) -> Any:
         if not BRepTools.Read_s(shape, str(path), BRep_Builder()) or shape.IsNull():
             raise MalformedFileError("it is not a BREP file, or it is cut off")
         return shape
+    if only or b"INVISIBILITY" in path.read_bytes():
+        return _compound(selected_parts(_visible_parts(path, counts), only, counts))
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.STEPControl import STEPControl_Reader
 
     reader = STEPControl_Reader()
     if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
-        raise MalformedFileError("it is not a STEP file with shapes, or it is cut off")
+        raise MalformedFileError(_NOT_STEP)
     return reader.OneShape()
+
+
+_NOT_STEP = "it is not a STEP file with shapes, or it is cut off"
+
+
+def _compound(shapes: Iterable[Any]) -> Any:
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Compound
+
+    builder, compound = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(compound)
+    for shape in shapes:
+        builder.Add(compound, shape)
+    return compound
+
+
+def _visible_parts(path: Path, counts: Counter[Content]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield the names and the shape of each visible part of a STEP file, at its place; see `_parts_in`."""
+    from OCP.IFSelect import IFSelect_RetDone
+    from OCP.STEPCAFControl import STEPCAFControl_Reader
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.TopLoc import TopLoc_Location
+    from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+
+    document, reader = TDocStd_Document(TCollection_ExtendedString("XCAF")), STEPCAFControl_Reader()
+    if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.Transfer(document):
+        raise MalformedFileError(_NOT_STEP)
+    for label in _inner_labels(XCAFDoc_DocumentTool.ShapesLabel_s(document.Main())):
+        if XCAFDoc_ShapeTool.IsFree_s(label):
+            yield from _parts_in(label, TopLoc_Location(), (), counts)
+
+
+def _parts_in(
+    label: Any, place: Any, outer_names: tuple[str, ...], counts: Counter[Content]
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield the names and the shape of each visible part of an assembly; count invisible parts and assemblies.
+    The names are those of the part, then those of the assemblies around it (`outer_names`)."""
+    from OCP.TDF import TDF_Label
+    from OCP.XCAFDoc import XCAFDoc_ColorTool, XCAFDoc_ShapeTool
+
+    definition = TDF_Label()
+    if not XCAFDoc_ShapeTool.GetReferredShape_s(label, definition):
+        definition = label
+    names = (_label_name(definition), _label_name(label), *outer_names)
+    if not (XCAFDoc_ColorTool.IsVisible_s(label) and XCAFDoc_ColorTool.IsVisible_s(definition)):
+        counts[hidden_on("")] += 1
+    elif XCAFDoc_ShapeTool.IsAssembly_s(definition):
+        inner_place = place * XCAFDoc_ShapeTool.GetLocation_s(label)
+        for component in filter(XCAFDoc_ShapeTool.IsComponent_s, _inner_labels(definition)):
+            yield from _parts_in(component, inner_place, names, counts)
+    else:
+        yield names, XCAFDoc_ShapeTool.GetShape_s(label).Moved(place)
+
+
+def _inner_labels(label: Any) -> Iterator[Any]:
+    from OCP.TDF import TDF_ChildIterator
+
+    iterator = TDF_ChildIterator(label)
+    while iterator.More():
+        yield iterator.Value()
+        iterator.Next()
+
+
+def _label_name(label: Any) -> str:
+    from OCP.TCollection import TCollection_AsciiString
+    from OCP.TDataStd import TDataStd_Name
+
+    name = TDataStd_Name()
+    return TCollection_AsciiString(name.Get()).ToCString() if label.FindAttribute(name.GetID_s(), name) else ""
 
 
 def _triangles(face: Any) -> tuple[Floats, Ints]:

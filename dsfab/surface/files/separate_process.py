@@ -1,6 +1,6 @@
-"""Separate process for the readers of 3DM, STEP and BREP files, with limits on time and memory.
+"""Separate process for the readers of 3DM, STEP, BREP and IFC files, with limits on time and memory.
 
-The libraries rhino3dm and OCCT may crash, or take much time and memory, on damaged files."""
+The libraries rhino3dm, OCCT and ifcopenshell may crash, or take much time and memory, on damaged files."""
 
 import importlib.util
 import io
@@ -8,6 +8,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,15 @@ import numpy as np
 
 from dsfab.core.errors import SurfaceError
 from dsfab.surface.clean.seams import equal_merged, merged_vertices
+from dsfab.surface.files.ifc import read_ifc, require_ifc
 from dsfab.surface.files.reading import Budget, Content, Drawing, DrawingBudget, MalformedFileError, TriangleFile
 from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_meshes, require_rhino
 
 GIB = 2**30
-MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}  # Largest address space for reading, bytes.
-SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}  # Processor seconds for a small file; each 10 MB adds this time again.
+MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB, "ifc": 4 * GIB}  # Largest address space for reading, bytes.
+SECONDS = {"drawing": 3, "meshes": 6, "cad": 60, "ifc": 60}  # Processor seconds for a small file; 10 MB add the same.
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
-LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT"}
+LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT", "ifc": "ifcopenshell"}
 
 
 def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
@@ -42,27 +44,31 @@ def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
     return Drawing(runs, tuple(answer["layers"]), answer["unit"], points)
 
 
-def read_3dm(path: Path, budget: Budget) -> TriangleFile:
-    """Return the meshes of a 3DM file with coincident vertices merged. Raises as `read_rhino_in_process` does."""
+def read_3dm(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
+    """Return the meshes of a 3DM file with coincident vertices merged; see `read_rhino_meshes`."""
     require_rhino()
-    mesh = foreign_triangles("meshes", path, budget)
+    mesh = foreign_triangles("meshes", path, budget, only)
     V, F = equal_merged(mesh.V, mesh.F)
     return replace(mesh, V=V, F=F)
 
 
-def read_cad(path: Path, budget: Budget) -> TriangleFile:
-    """Return the triangles of a STEP or BREP file, joined along common edges. Raises like `read_rhino_in_process`."""
-    mesh = foreign_triangles("cad", path, budget)
+def read_cad(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
+    """Return the triangles of a STEP, BREP or IFC file, joined along common edges; see `read_occt` and `read_ifc`."""
+    is_ifc = path.suffix.lower() == ".ifc"
+    if is_ifc:
+        require_ifc()
+    mesh = foreign_triangles("ifc" if is_ifc else "cad", path, budget, only)
     V, became = merged_vertices(mesh.V, 1e-7)  # faces give slightly different points on a common edge
     F = became[mesh.F]
     is_triangle = (np.roll(F, 1, axis=1) != F).all(axis=1)
     return replace(mesh, V=V, F=F[is_triangle])
 
 
-def foreign_triangles(kind: str, path: Path, budget: Budget) -> TriangleFile:
-    """Read a file in a process of its own. kind : "meshes" for 3DM, "cad" for STEP and BREP."""
+def foreign_triangles(kind: str, path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
+    """Read a file in a process of its own. kind : "meshes" for 3DM, "cad" for STEP and BREP, "ifc".
+    only : names of parts, see `selected_parts`."""
     try:
-        answer = _program_output(kind, path, budget.seconds + SECONDS[kind])
+        answer = _program_output(kind, path, budget.seconds + SECONDS[kind], only)
     except subprocess.TimeoutExpired:
         raise SurfaceError(f"reading took more than {budget.seconds:.0f} s; export it as a mesh") from None
     with np.load(io.BytesIO(answer)) as arrays:
@@ -73,9 +79,9 @@ def foreign_triangles(kind: str, path: Path, budget: Budget) -> TriangleFile:
     return TriangleFile(V, F, facts["unit"], tuple(facts["doubts"]), content=content)
 
 
-def _program_output(kind: str, path: Path, timeout: float) -> bytes:
+def _program_output(kind: str, path: Path, timeout: float, only: Sequence[str] = ()) -> bytes:
     seconds = int(SECONDS[kind] * (1 + path.stat().st_size / 10_000_000))
-    command = [sys.executable, "-P", "-c", PROGRAM, kind, str(path.resolve()), str(seconds)]
+    command = [sys.executable, "-P", "-c", PROGRAM, kind, str(path.resolve()), str(seconds), *only]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(folder for folder in sys.path if folder)}
     process = subprocess.run(command, capture_output=True, env=environment, timeout=timeout, check=False)
     if process.returncode:
@@ -91,15 +97,18 @@ def _raise_refusal(answer: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Read a file in this process; the arguments are kind, path and seconds. Print JSON for drawings, else .npz."""
-    kind, path, seconds = sys.argv[1:]
+    """Read a file in this process; the arguments are kind, path, seconds and names. Print JSON, or .npz for meshes."""
+    kind, path, seconds, *only = sys.argv[1:]
     _limit(int(seconds), MEMORY[kind])
     facts, V, F = dict[str, Any](), np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
     try:
         if kind == "drawing":
             facts = _drawing(Path(path))
         else:
-            mesh = read_rhino_meshes(Path(path), DrawingBudget()) if kind == "meshes" else read_occt(Path(path))
+            if kind == "meshes":
+                mesh = read_rhino_meshes(Path(path), DrawingBudget(), only)
+            else:
+                mesh = (read_ifc if kind == "ifc" else read_occt)(Path(path), only)
             facts = {"unit": mesh.unit, "doubts": mesh.doubts, "content": [*map(asdict, mesh.content)]}
             V, F = mesh.V, mesh.F
     except SurfaceError as error:

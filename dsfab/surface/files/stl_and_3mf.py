@@ -7,7 +7,7 @@ import zipfile
 import zlib
 from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -27,6 +27,7 @@ from dsfab.surface.files.reading import (
     float_of,
     is_mirrored,
     mesh_at,
+    selected_parts,
     text_file,
     whole_number,
 )
@@ -103,15 +104,17 @@ _ROOT = re.compile(r"""Target\s*=\s*["']([^"']+\.model)["']""", re.IGNORECASE)
 Key = tuple[str, str]  # Name of a part of the file, and number of an object in this part.
 
 
-def read_3mf(data: bytes, budget: Budget) -> TriangleFile:
+def read_3mf(data: bytes, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
     """Return the triangles of all objects on the build plate of a 3MF file, in double precision, at their places.
+    only : names or part numbers of objects and items, see `selected_parts`.
     Printing aids, such as supports, are ignored. Source: 3MF Consortium, core specification 1.4. Raises
     MalformedFileError for a damaged file, SurfaceError beyond the budget."""
     plate = _Plate(budget, _archive_texts(data, budget))
-    for key in (*plate.unprinted, *(key for key, _ in plate.items)):
+    for key in (*plate.unprinted, *(key for key, _, _ in plate.items)):
         plate.require_ends(key, 0)
-    budget.require_triangles(sum(plate.triangles[key] for key, _ in plate.items))
-    V, F = concatenated_mesh([part for key, place in plate.items for part in plate.meshes(key, place)])
+    budget.require_triangles(sum(plate.triangles[key] for key, _, _ in plate.items))
+    objects = (part for key, place, name in plate.items for part in plate.leaves(key, place, (name,)))
+    V, F = concatenated_mesh([plate.mesh(key, place) for key, place in selected_parts(objects, only, plate.counts)])
     unused = plate.objects.keys() - plate.triangles
     plate.counts[Content("object", "dropped", "that the build plate lacks")] = len(unused)
     return TriangleFile(V, F, plate.unit, content=contents(plate.counts))
@@ -119,9 +122,10 @@ def read_3mf(data: bytes, budget: Budget) -> TriangleFile:
 
 @dataclass
 class _Object:
-    """An object: coordinates, corners of triangles, and components with their transformations (4, 4)."""
+    """An object: its names, coordinates, corners of triangles, and components with their transformations (4, 4)."""
 
     kind: str
+    names: tuple[str, ...] = ()
     V: "array[float]" = field(default_factory=lambda: array("d"))
     F: "array[int]" = field(default_factory=lambda: array("q"))
     parts: list[tuple[Key, Floats]] = field(default_factory=list)
@@ -129,13 +133,14 @@ class _Object:
 
 class _Plate:
     """Content of all parts of a file.
-    items     : object and transformation (4, 4) of each item on the build plate.
+    items     : object, transformation (4, 4) and part number of each item on the build plate.
     triangles : number of triangles of each used object, with its components."""
 
     def __init__(self, budget: Budget, texts: dict[str, bytes]) -> None:
         self.budget, self.count, self.open = budget, 0, _Object("")  # `open` is the object that is being read
         self.unit: str | None = None
-        self.objects, self.items, self.triangles = dict[Key, _Object](), list[tuple[Key, Floats]](), dict[Key, int]()
+        self.objects, self.triangles = dict[Key, _Object](), dict[Key, int]()
+        self.items = list[tuple[Key, Floats, str]]()
         self.counts, self.prefixes, self.unprinted = Counter[Content](), dict[str, str](), list[Key]()
         self.aids = print_aids(texts)
         models = [name for name in texts if name.lower().endswith(".model")]
@@ -173,7 +178,8 @@ class _Plate:
         elif kind in ("beam", "ball"):
             self.counts[Content(kind, "dropped", "of a lattice")] += 1
         elif kind == "object":
-            self.open = self.objects[self.part, values["id"]] = _Object(values.get("type", "model"))
+            names = values.get("name", ""), values.get("partnumber", "")
+            self.open = self.objects[self.part, values["id"]] = _Object(values.get("type", "model"), names)
         elif kind == "component":
             self.open.parts.append((self._key(values), _place(values)))
         elif kind == "item" and self.part == self.root:
@@ -181,7 +187,7 @@ class _Plate:
                 self.counts[Content("item", "dropped", "that its slicer does not print")] += 1
                 self.unprinted.append(self._key(values))
             else:
-                self.items.append((self._key(values), _place(values)))
+                self.items.append((self._key(values), _place(values), values.get("partnumber", "")))
         elif kind == "model":
             self._model(values)
 
@@ -208,26 +214,34 @@ class _Plate:
             self.triangles[key] = inside + len(self.objects[key].F) // 3
         return self.triangles[key]
 
-    def meshes(self, key: Key, place: Floats) -> Iterator[tuple[Floats, Ints]]:
-        """Yield V (n, 3) and F (m, 3) of an object and its components after a transformation (4, 4)."""
+    def leaves(
+        self, key: Key, place: Floats, outer_names: tuple[str, ...]
+    ) -> Iterator[tuple[tuple[str, ...], tuple[Key, Floats]]]:
+        """Yield each object with a mesh within an object, at its place (4, 4), after its names."""
         thing = self.objects[key]
+        names = (*thing.names, *outer_names)
         if thing.kind not in _TAKEN:
             self.counts[Content("object", "dropped", f"of the type {thing.kind!r}")] += 1
             return
         if thing.V:
-            V, F = np.array(thing.V).reshape(-1, 3), np.array(thing.F, dtype=np.int64).reshape(-1, 3)
-            is_model = np.ones(len(F), dtype=bool)
-            for start, end in self.aids.get((key[1], ""), ()):
-                is_model[start : end + 1] = False
-                self.counts[_AID] += 1
-            if len(F):
-                self.counts[Content("mirrored mesh" if is_mirrored(place) else "mesh")] += 1
-            yield mesh_at(V, F[is_model], place)
+            yield names, (key, place)
         for part, inner in thing.parts:
             if (key[1], part[1]) in self.aids:
                 self.counts[_AID] += 1
             elif self.triangles[part]:
-                yield from self.meshes(part, place @ inner)
+                yield from self.leaves(part, place @ inner, names)
+
+    def mesh(self, key: Key, place: Floats) -> tuple[Floats, Ints]:
+        """Return V (n, 3) and F (m, 3) of an object, without its components, after a transformation (4, 4)."""
+        thing = self.objects[key]
+        V, F = np.array(thing.V).reshape(-1, 3), np.array(thing.F, dtype=np.int64).reshape(-1, 3)
+        is_model = np.ones(len(F), dtype=bool)
+        for start, end in self.aids.get((key[1], ""), ()):
+            is_model[start : end + 1] = False
+            self.counts[_AID] += 1
+        if len(F):
+            self.counts[Content("mirrored mesh" if is_mirrored(place) else "mesh")] += 1
+        return mesh_at(V, F[is_model], place)
 
 
 _AID = Content("modifier", "dropped", "or support of its slicer")
