@@ -355,7 +355,7 @@ def solved_layers(
             jump = max(jump, width.solid_fraction * spacing / float(np.sqrt(surface.area)))
 
         def solve(share_of: Callable[[float], float]) -> float:
-            return solved_factor(share_of, requested, tolerance, slope, bool(guess), jump)
+            return solved_factor(share_of, requested, tolerance, slope, jump)
 
         return layers_with_share(layers, share, factor, solve)
     return layers(factor), factor

@@ -137,15 +137,13 @@ def solved_factor(
     target: float,
     tolerance: float,
     slope: float = 0.0,
-    near_one: bool = False,
     jump: float = JUMP,
     steepest: float = 40,
 ) -> float:
     """Return the factor at which the increasing function share(factor) is `target`, with an error of `tolerance`.
 
     slope    : approximate derivative of `share`, if the factor may be about 1; 0 otherwise. The search then begins with
-               1 and a step of Newton's method.
-    near_one : True if the factor is certainly about 1. Then more secant steps follow.
+               1, a step of Newton's method, and secants.
     jump     : accepted error if `share` jumps past the target.
     steepest : largest growth of a share without jumps, for a relative change of the factor.
 
@@ -156,7 +154,7 @@ def solved_factor(
     def evaluate(factor: float) -> _End:
         return factor, share(factor) - target
 
-    low, high = (_secant_interval(evaluate, tolerance, slope, near_one) if slope > 0 else None) or _bracket(
+    low, high = (_secant_interval(evaluate, tolerance, slope) if slope > 0 else None) or _bracket(
         evaluate, target, tolerance
     )
     best_end, kept_side = min(low, high, key=_miss), 0
@@ -180,16 +178,14 @@ def solved_factor(
     )
 
 
-def _secant_interval(
-    evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
-) -> tuple[_End, _End] | None:
+def _secant_interval(evaluate: Callable[[float], _End], tolerance: float, slope: float) -> tuple[_End, _End] | None:
     """Search with secants from 1. Return an interval around the solution, or (solution, solution), or None."""
     end = evaluate(1.0)
-    for _ in range(5 if near_one else 1):
+    for _ in range(5):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
             break
         trial = evaluate(end[0] - end[1] / slope)
-        if near_one and trial[1] * end[1] <= 0:
+        if trial[1] * end[1] <= 0:
             return (end, trial) if end[1] < trial[1] else (trial, end)
         slope, end = max((trial[1] - end[1]) / (trial[0] - end[0]), slope / 4), trial
     return (end, end) if _miss(end) <= tolerance else None
