@@ -134,6 +134,8 @@ def corrected_pattern(
 
     def converge(trial: _ShareTrial) -> _ShareTrial:
         for _ in range(3):
+            if abs(trial.total - requested) <= UNREPORTED:
+                break
             if any(abs(earlier.aim + trial.added - requested) < SHARE_TOLERANCE for earlier in trials):
                 break  # the next trial would repeat an earlier one
             trial = attempt(trial.added, trial.result.factor)
