@@ -146,7 +146,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     stock, source = stock_thicknesses(preset, guess.statics.thickness)
     design, trials = _standing_design(guess, stock[-1], progress), list[SizingTrial]()
     thickness = design.preset.statics.thickness
-    candidates, ladder = list[tuple[SizingTrial, Preset]](), further_changes(design)
+    candidates, ladder = list[tuple[SizingTrial, dict[str, Any]]](), further_changes(design)
     for changes in ladder:
         changed = with_overrides(preset, changes)
         design = Design.from_preset(changed.with_thickness(thickness), design, progress)
@@ -161,11 +161,11 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
             return _with_result(chosen, SizingResult((*trials, *rows.trials, *cuts), source, changes))
         judged = [rows.full_trial(k) for k in range(len(rows.trials))]
         trials += [*judged, *cuts]
-        candidates += [(row, changed.with_thickness(row.thickness)) for row in judged]
-    row, nearest = min(candidates, key=lambda candidate: candidate[0].worst)
-    design = Design.from_preset(nearest, design, progress)
+        candidates += [(row, changes) for row in judged]
+    row, changes = min(candidates, key=lambda candidate: candidate[0].worst)
+    design = Design.from_preset(with_overrides(preset, changes).with_thickness(row.thickness), design, progress)
     trials.append(_trial(design, carrying(design), row))
-    return _with_result(design, SizingResult(tuple(trials), source, {}))
+    return _with_result(design, SizingResult(tuple(trials), source, changes))
 
 
 def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Design:
@@ -177,21 +177,28 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
     """Return trials of thicknesses near that of a draft. If better thicknesses may lie beyond these, the thinnest or
-    thickest of them gives the next draft. Raises PatternError or StaticsError if the first draft fails."""
+    thickest of them gives the next draft; if there is no other, the next thickness of the stock gives it.
+    Raises PatternError or StaticsError if the first draft fails."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
+        solved.add(thickness)
         tried = [t for t in stock if 1 / ACCURATE <= t / thickness <= ACCURATE]
         design = Design.from_preset(design.preset.with_thickness(thickness), design, progress)
         try:
-            rows = _stock_trials(_draft(design), tried, progress)
+            draft = _stock_trials(_draft(design), tried, progress)
         except (PatternError, StaticsError):
             if rows is None:
                 raise
             return rows
-        solved.add(thickness)
-        thinnest = rows.thinnest_sufficient()
-        thickness = tried[0] if thinnest == 0 else tried[-1] if thinnest == len(tried) else thickness
-        if thickness in solved or thickness in (stock[0], stock[-1]):
+        thinnest, count = draft.thinnest_sufficient(), len(tried)
+        if rows is None or thinnest < count or rows.thinnest_sufficient() == len(rows.trials):
+            rows = draft
+        thinner, thicker = [t for t in stock if t < tried[0]], [t for t in stock if t > tried[-1]]
+        if thinnest == 0 and thinner:
+            thickness = tried[0] if tried[0] < thickness else thinner[-1]
+        elif thicker and (thinnest == count or thinnest == count - 1 > 0):
+            thickness = tried[-1] if tried[-1] > thickness else thicker[0]
+        if thickness in solved:
             return rows
 
 

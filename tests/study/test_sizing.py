@@ -106,6 +106,13 @@ def test_a_first_guess_that_is_far_too_thin_makes_no_difference(counted):
     assert sizing_result(dsfab.sized_design(flat)).fits
 
 
+@pytest.mark.parametrize(("thicknesses", "first", "chosen"), [((0.02, 0.06, 0.3), 0.05, 0.3), ((0.12, 0.5), 0.5, 0.12)])
+def test_thicknesses_that_are_far_apart_are_all_within_reach(thicknesses, first, chosen):
+    """A draft gives results for half and twice its thickness, so here each thickness needs its own draft."""
+    result = sizing_result(dsfab.sized_design(vault(sizing__thicknesses=thicknesses, sizing__first=first)))
+    assert (result.fits, result.trials[-1].thickness, result.changes) == (True, chosen, {})
+
+
 def test_targets_that_no_thickness_meets_bring_more_material_and_closer_members(tmp_path, capsys):
     given, written = tmp_path / "given.toml", tmp_path / "sized.toml"
     given.write_text(preset_toml(vault(sizing__thicknesses=[0.02], sizing__buckling=1e6)), encoding="utf-8")
