@@ -161,9 +161,12 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
             return _with_result(chosen, SizingResult((*trials, *rows.trials, *cuts), source, changes))
         judged = [rows.full_trial(k) for k in range(len(rows.trials))]
         trials += [*judged, *cuts]
-        candidates += [(row, changes) for row in judged]
+        cut = {trial.thickness for trial in cuts}
+        candidates += [(row, changes) for row in (*judged, *cuts) if row.is_final or row.thickness not in cut]
     row, changes = min(candidates, key=lambda candidate: candidate[0].worst)
     design = Design.from_preset(with_overrides(preset, changes).with_thickness(row.thickness), design, progress)
+    if row.is_final:
+        trials.remove(row)  # the table shows this design once, as its last row
     trials.append(_trial(design, carrying(design), row))
     return _with_result(design, SizingResult(tuple(trials), source, changes))
 

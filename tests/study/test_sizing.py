@@ -113,6 +113,17 @@ def test_thicknesses_that_are_far_apart_are_all_within_reach(thicknesses, first,
     assert (result.fits, result.trials[-1].thickness, result.changes) == (True, chosen, {})
 
 
+def test_a_design_that_its_draft_overrates_is_cut_once_and_named_with_its_pattern():
+    """With closer members the draft is used by 9.6 %, the cut sheet with round corners by 9.7 %."""
+    changes = {"pattern__method": "modes", "pattern__fillet": 0.1}
+    preset = vault(sizing__thicknesses=[0.1], sizing__buckling=0, sizing__utilisation=0.0965, **changes)
+    result = sizing_result(dsfab.sized_design(preset))
+    assert [trial.is_final for trial in result.trials] == [False, False, False, True]
+    assert [trial.worst <= 1 for trial in result.trials] == [False, False, True, False]
+    assert set(result.changes) == {f"pattern.{key}" for key in ("width.member", "major.spacing", "minor.spacing")}
+    assert "changed: pattern.width.member = 0.78" in "\n".join(result.lines())
+
+
 def test_targets_that_no_thickness_meets_bring_more_material_and_closer_members(tmp_path, capsys):
     given, written = tmp_path / "given.toml", tmp_path / "sized.toml"
     given.write_text(preset_toml(vault(sizing__thicknesses=[0.02], sizing__buckling=1e6)), encoding="utf-8")
