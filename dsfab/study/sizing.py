@@ -76,7 +76,8 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield a table of the trials, then remarks.
-        every : True for all; False for the chosen thickness and, after a single pattern, the next thinner one."""
+        every : True for all trials. False for the cut designs and one draft: the next thinner sheet, or the chosen
+                thickness with each pattern if the pattern was changed or misses targets."""
         thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
         if every or self.changes or not self.fits:
             shown = {trial.thickness for trial in self.trials} if every else {thickness}
@@ -136,8 +137,8 @@ def guessed_preset(preset: Preset) -> Preset:
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design with the thinnest sheet that meets the targets of [sizing]. Its last stage is slicing.
 
-    A draft of the cut sheet is solved at its thickness, which gives the results for thicknesses near it. The
-    thicknesses that seem best get their own cut, which is solved again, until the next thinner one does not suffice.
+    One solve of a draft of the cut sheet gives the results for thicknesses near its own. Then the design is cut and
+    solved for the thickness that comes nearest to the targets, and for its neighbours where they may be better.
     If no thickness suffices, the pattern gets more material, then also a smaller spacing. If this does not help, the
     result is the design that comes nearest to the targets.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
@@ -179,8 +180,8 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
-    """Return trials of thicknesses near that of a draft. If better thicknesses may lie beyond these, the thinnest or
-    thickest of them gives the next draft; if there is no other, the next thickness of the stock gives it.
+    """Return trials of the thicknesses near that of a draft. If a better thickness may lie beyond them, another draft
+    has the thinnest or thickest of them; if this is the same thickness, it has the next one of the stock.
     Raises PatternError or StaticsError if the first draft fails."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
@@ -215,7 +216,7 @@ def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
     """Return trials of designs that are cut for their own thickness, and the thinnest sufficient design or None.
-    The trial of this design is the last one. The first is the thickness whose row comes nearest to the targets."""
+    The first cut has the thickness whose row comes nearest to the targets; the last trial is of the returned design."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     k = rows.thinnest_sufficient()
     if 0 < k < count and rows.full_trial(k - 1).worst * rows.full_trial(k).worst < 1:
@@ -275,7 +276,7 @@ class _StockTrials:
     trials: list[SizingTrial] = field(default_factory=list)
 
     def thinnest_sufficient(self) -> int:
-        """Return the number of the thinnest thickness that meets the targets; the number of trials if none does."""
+        """Return the index of the thinnest sheet that meets the targets; the number of trials if none does."""
         count = len(self.trials)
         start = next((k for k, row in enumerate(self.trials) if row.worst <= 1), count)
         return bisect_left(range(count), True, lo=start, key=lambda k: self.full_trial(k).worst <= 1)
