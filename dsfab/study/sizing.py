@@ -153,11 +153,11 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         design = Design.from_preset(changed.with_thickness(thickness), design, progress)
         try:
             rows = _nearest_trials(design, stock, progress)
+            cuts, chosen = _own_cuts(design, changed, rows, progress)
         except (PatternError, StaticsError):
             if changes == ladder[-1] and not trials:
                 raise
             continue
-        cuts, chosen = _own_cuts(design, changed, rows, progress)
         if chosen:
             return _with_result(chosen, SizingResult((*trials, *rows.trials, *cuts), source, changes))
         judged = [rows.full_trial(k) for k in range(len(rows.trials))]
@@ -216,7 +216,8 @@ def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
     """Return trials of designs that are cut for their own thickness, and the thinnest sufficient design or None.
-    The first cut has the thickness whose row comes nearest to the targets; the last trial is of the returned design."""
+    The first cut has the thickness whose row comes nearest to the targets; the last trial is of the returned design.
+    Raises PatternError or StaticsError if a cut fails before a design suffices."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     k = rows.thinnest_sufficient()
     if 0 < k < count and rows.full_trial(k - 1).worst * rows.full_trial(k).worst < 1:
@@ -224,7 +225,12 @@ def _own_cuts(
     while k < count and len(trials) < OWN_CUTS:
         row = rows.full_trial(k)
         design = Design.from_preset(preset.with_thickness(row.thickness), design, progress)
-        trial = _trial(design, carrying(design), row)
+        try:
+            trial = _trial(design, carrying(design), row)
+        except (PatternError, StaticsError):
+            if not chosen:
+                raise
+            break
         if trial.worst > 1:
             trials.insert(0, trial)
             k = count if chosen else k + 1

@@ -10,12 +10,12 @@ import pytest
 import dsfab
 from dsfab.app.cli import main
 from dsfab.app.options import Source
-from dsfab.core.errors import PresetError
+from dsfab.core.errors import PatternError, PresetError
 from dsfab.core.materials import STOCK
 from dsfab.design import Design, refusal
 from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.statics import factorisation
-from dsfab.study import guessed_preset, run_sized, sized_preset, sizing_result
+from dsfab.study import guessed_preset, run_sized, sized_preset, sizing, sizing_result
 from dsfab.study.calculix import load_path, lowest_buckling, solid_model
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics
 from dsfab.study.check_model import cut_model
@@ -122,6 +122,24 @@ def test_a_design_that_its_draft_overrates_is_cut_once_and_named_with_its_patter
     assert [trial.worst <= 1 for trial in result.trials] == [False, False, True, False]
     assert set(result.changes) == {f"pattern.{key}" for key in ("width.member", "major.spacing", "minor.spacing")}
     assert "changed: pattern.width.member = 0.78" in "\n".join(result.lines())
+
+
+@pytest.mark.parametrize(("fails", "chosen"), [("pattern", 0.101), ("thinner sheet", 0.102)])
+def test_a_design_that_only_its_draft_can_be_is_not_chosen(fails, chosen, monkeypatch):
+    """Either the preset's pattern cannot be cut, or, after a sheet of 102 mm suffices, that of 101 mm."""
+
+    def failing(design):
+        refused = {
+            "pattern": design.preset.pattern.width.member == 0.6,
+            "thinner sheet": design.preset.statics.thickness < 0.102,
+        }
+        if refused[fails]:
+            raise PatternError("the pattern falls apart")
+        return carrying(design)
+
+    monkeypatch.setattr(sizing, "carrying", failing)
+    result = sizing_result(dsfab.sized_design(vault(sizing__thicknesses=[0.101, 0.102], pattern__fillet=0.15)))
+    assert (result.fits, result.trials[-1].thickness, bool(result.changes)) == (True, chosen, fails == "pattern")
 
 
 def test_targets_that_no_thickness_meets_bring_more_material_and_closer_members(tmp_path, capsys):
