@@ -98,7 +98,7 @@ Only = Annotated[
     Parameter(
         name="--only",
         negative=(),
-        help="Name of a part of the mesh file to take: a layer, block, node, object, assembly or storey (repeatable).",
+        help="Read only this layer, block, node, object, assembly or storey of the mesh file (repeatable).",
     ),
 ]
 

@@ -30,8 +30,8 @@ from dsfab.surface import LoadCase, Surface
 INDEPENDENT = 1e-10
 """A vector is independent of earlier vectors if at least this fraction of it lies outside their span."""
 ACCURATE = 2.0
-"""Largest ratio of a thickness to that of the solved sheet, and the inverse, for which results are accurate. Largest
-errors on cut vaults: 0.1 % in displacements, 0.4 % in stresses, 2 % in buckling factors."""
+"""For a sheet solved at thickness t, results are accurate from t / ACCURATE to t ACCURATE. Largest errors on cut
+vaults: 0.1 % in displacements, 0.4 % in stresses, 2 % in buckling factors."""
 DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of derivatives of answers, and of buckling modes.
 MODES = 3  # Number of modes of a case; the order of modes changes with the thickness.
 CASES = 3  # Number of cases with modes in the basis, those with most compression.
@@ -117,7 +117,7 @@ def _independent_columns(columns: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ThicknessBasis:
-    """A sheet whose answers at other thicknesses are known, see `from_sheet`.
+    """Reduced bases that give the answers of a sheet at other thicknesses, see `from_sheet`.
     loads     : the loads by name, at the thickness of `sheet`.
     constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m.
     vectors   : (u, b) basis of the answers.

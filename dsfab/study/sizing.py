@@ -76,7 +76,8 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield a table of the trials, then remarks.
-        every : True for all; False for the chosen thickness and, after a single pattern, the next thinner one."""
+        every : True for all trials. False for the cut designs and one draft: the next thinner sheet, or the chosen
+                thickness with each pattern if the pattern was changed or misses targets."""
         thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
         if every or self.changes or not self.fits:
             shown = {trial.thickness for trial in self.trials} if every else {thickness}
@@ -136,8 +137,8 @@ def guessed_preset(preset: Preset) -> Preset:
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design with the thinnest sheet that meets the targets of [sizing]. Its last stage is slicing.
 
-    A draft of the cut sheet is solved at its thickness, which gives the results for thicknesses near it. The
-    thicknesses that seem best get their own cut, which is solved again, until the next thinner one does not suffice.
+    One solve of a draft of the cut sheet gives the results for thicknesses near its own. Then the design is cut and
+    solved for the thickness that comes nearest to the targets, and for its neighbours where they may be better.
     If no thickness suffices, the pattern gets more material, then also a smaller spacing. If this does not help, the
     result is the design that comes nearest to the targets.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
@@ -146,26 +147,29 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     stock, source = stock_thicknesses(preset, guess.statics.thickness)
     design, trials = _standing_design(guess, stock[-1], progress), list[SizingTrial]()
     thickness = design.preset.statics.thickness
-    candidates, ladder = list[tuple[SizingTrial, Preset]](), further_changes(design)
+    candidates, ladder = list[tuple[SizingTrial, dict[str, Any]]](), further_changes(design)
     for changes in ladder:
         changed = with_overrides(preset, changes)
         design = Design.from_preset(changed.with_thickness(thickness), design, progress)
         try:
             rows = _nearest_trials(design, stock, progress)
+            cuts, chosen = _own_cuts(design, changed, rows, progress)
         except (PatternError, StaticsError):
             if changes == ladder[-1] and not trials:
                 raise
             continue
-        cuts, chosen = _own_cuts(design, changed, rows, progress)
         if chosen:
             return _with_result(chosen, SizingResult((*trials, *rows.trials, *cuts), source, changes))
         judged = [rows.full_trial(k) for k in range(len(rows.trials))]
         trials += [*judged, *cuts]
-        candidates += [(row, changed.with_thickness(row.thickness)) for row in judged]
-    row, nearest = min(candidates, key=lambda candidate: candidate[0].worst)
-    design = Design.from_preset(nearest, design, progress)
+        cut = {trial.thickness for trial in cuts}
+        candidates += [(row, changes) for row in (*judged, *cuts) if row.is_final or row.thickness not in cut]
+    row, changes = min(candidates, key=lambda candidate: candidate[0].worst)
+    design = Design.from_preset(with_overrides(preset, changes).with_thickness(row.thickness), design, progress)
+    if row.is_final:
+        trials.remove(row)  # the table shows this design once, as its last row
     trials.append(_trial(design, carrying(design), row))
-    return _with_result(design, SizingResult(tuple(trials), source, {}))
+    return _with_result(design, SizingResult(tuple(trials), source, changes))
 
 
 def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Design:
@@ -176,22 +180,29 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
-    """Return trials of thicknesses near that of a draft. If better thicknesses may lie beyond these, the thinnest or
-    thickest of them gives the next draft. Raises PatternError or StaticsError if the first draft fails."""
+    """Return trials of the thicknesses near that of a draft. If a better thickness may lie beyond them, another draft
+    has the thinnest or thickest of them; if this is the same thickness, it has the next one of the stock.
+    Raises PatternError or StaticsError if the first draft fails."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
+        solved.add(thickness)
         tried = [t for t in stock if 1 / ACCURATE <= t / thickness <= ACCURATE]
         design = Design.from_preset(design.preset.with_thickness(thickness), design, progress)
         try:
-            rows = _stock_trials(_draft(design), tried, progress)
+            draft = _stock_trials(_draft(design), tried, progress)
         except (PatternError, StaticsError):
             if rows is None:
                 raise
             return rows
-        solved.add(thickness)
-        thinnest = rows.thinnest_sufficient()
-        thickness = tried[0] if thinnest == 0 else tried[-1] if thinnest == len(tried) else thickness
-        if thickness in solved or thickness in (stock[0], stock[-1]):
+        thinnest, count = draft.thinnest_sufficient(), len(tried)
+        if rows is None or thinnest < count or rows.thinnest_sufficient() == len(rows.trials):
+            rows = draft
+        thinner, thicker = [t for t in stock if t < tried[0]], [t for t in stock if t > tried[-1]]
+        if thinnest == 0 and thinner:
+            thickness = tried[0] if tried[0] < thickness else thinner[-1]
+        elif thicker and (thinnest == count or thinnest == count - 1 > 0):
+            thickness = tried[-1] if tried[-1] > thickness else thicker[0]
+        if thickness in solved:
             return rows
 
 
@@ -205,7 +216,8 @@ def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
     """Return trials of designs that are cut for their own thickness, and the thinnest sufficient design or None.
-    The trial of this design is the last one. The first is the thickness whose row comes nearest to the targets."""
+    The first cut has the thickness whose row comes nearest to the targets; the last trial is of the returned design.
+    Raises PatternError or StaticsError if a cut fails before a design suffices."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     k = rows.thinnest_sufficient()
     if 0 < k < count and rows.full_trial(k - 1).worst * rows.full_trial(k).worst < 1:
@@ -213,7 +225,12 @@ def _own_cuts(
     while k < count and len(trials) < OWN_CUTS:
         row = rows.full_trial(k)
         design = Design.from_preset(preset.with_thickness(row.thickness), design, progress)
-        trial = _trial(design, carrying(design), row)
+        try:
+            trial = _trial(design, carrying(design), row)
+        except (PatternError, StaticsError):
+            if not chosen:
+                raise
+            break
         if trial.worst > 1:
             trials.insert(0, trial)
             k = count if chosen else k + 1
@@ -265,7 +282,7 @@ class _StockTrials:
     trials: list[SizingTrial] = field(default_factory=list)
 
     def thinnest_sufficient(self) -> int:
-        """Return the number of the thinnest thickness that meets the targets; the number of trials if none does."""
+        """Return the index of the thinnest sheet that meets the targets; the number of trials if none does."""
         count = len(self.trials)
         start = next((k for k, row in enumerate(self.trials) if row.worst <= 1), count)
         return bisect_left(range(count), True, lo=start, key=lambda k: self.full_trial(k).worst <= 1)

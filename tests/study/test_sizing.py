@@ -10,12 +10,12 @@ import pytest
 import dsfab
 from dsfab.app.cli import main
 from dsfab.app.options import Source
-from dsfab.core.errors import PresetError
+from dsfab.core.errors import PatternError, PresetError
 from dsfab.core.materials import STOCK
 from dsfab.design import Design, refusal
 from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.statics import factorisation
-from dsfab.study import guessed_preset, run_sized, sized_preset, sizing_result
+from dsfab.study import guessed_preset, run_sized, sized_preset, sizing, sizing_result
 from dsfab.study.calculix import load_path, lowest_buckling, solid_model
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics
 from dsfab.study.check_model import cut_model
@@ -104,6 +104,42 @@ def test_a_first_guess_that_is_far_too_thin_makes_no_difference(counted):
     design = Design.from_preset(guessed_preset(flat))
     assert "would move by" in refusal(design.preset, design.statics)
     assert sizing_result(dsfab.sized_design(flat)).fits
+
+
+@pytest.mark.parametrize(("thicknesses", "first", "chosen"), [((0.02, 0.06, 0.3), 0.05, 0.3), ((0.12, 0.5), 0.5, 0.12)])
+def test_thicknesses_that_are_far_apart_are_all_within_reach(thicknesses, first, chosen):
+    """A draft gives results for half and twice its thickness, so here each thickness needs its own draft."""
+    result = sizing_result(dsfab.sized_design(vault(sizing__thicknesses=thicknesses, sizing__first=first)))
+    assert (result.fits, result.trials[-1].thickness, result.changes) == (True, chosen, {})
+
+
+def test_a_design_that_its_draft_overrates_is_cut_once_and_named_with_its_pattern():
+    """With closer members the draft is used by 9.6 %, the cut sheet with round corners by 9.7 %."""
+    changes = {"pattern__method": "modes", "pattern__fillet": 0.1}
+    preset = vault(sizing__thicknesses=[0.1], sizing__buckling=0, sizing__utilisation=0.0965, **changes)
+    result = sizing_result(dsfab.sized_design(preset))
+    assert [trial.is_final for trial in result.trials] == [False, False, False, True]
+    assert [trial.worst <= 1 for trial in result.trials] == [False, False, True, False]
+    assert set(result.changes) == {f"pattern.{key}" for key in ("width.member", "major.spacing", "minor.spacing")}
+    assert "changed: pattern.width.member = 0.78" in "\n".join(result.lines())
+
+
+@pytest.mark.parametrize(("fails", "chosen"), [("pattern", 0.101), ("thinner sheet", 0.102)])
+def test_a_design_that_only_its_draft_can_be_is_not_chosen(fails, chosen, monkeypatch):
+    """Either the preset's pattern cannot be cut, or, after a sheet of 102 mm suffices, that of 101 mm."""
+
+    def failing(design):
+        refused = {
+            "pattern": design.preset.pattern.width.member == 0.6,
+            "thinner sheet": design.preset.statics.thickness < 0.102,
+        }
+        if refused[fails]:
+            raise PatternError("the pattern falls apart")
+        return carrying(design)
+
+    monkeypatch.setattr(sizing, "carrying", failing)
+    result = sizing_result(dsfab.sized_design(vault(sizing__thicknesses=[0.101, 0.102], pattern__fillet=0.15)))
+    assert (result.fits, result.trials[-1].thickness, bool(result.changes)) == (True, chosen, fails == "pattern")
 
 
 def test_targets_that_no_thickness_meets_bring_more_material_and_closer_members(tmp_path, capsys):

@@ -180,6 +180,12 @@ def test_without_ifcopenshell_the_message_names_the_extra(tmp_path, monkeypatch)
         raw_mesh(path)
 
 
+@pytest.mark.parametrize("suffix", ["ifczip", "ifcxml"])
+def test_other_files_of_bim_programs_need_another_export(suffix, tmp_path):
+    with pytest.raises(SurfaceError, match=f"suffix '.{suffix}', which dsfab does not read; export the surface as"):
+        raw_mesh(tmp_path / f"roof.{suffix}")
+
+
 def test_an_unreadable_ifc_file_is_refused_in_one_sentence(tmp_path):
     path, bad = roof_file(tmp_path / "roof.ifc"), tmp_path / "bad.ifc"
     for data in (b"a roof", path.read_bytes()[:-30], b""):

@@ -137,8 +137,15 @@ def test_a_format_without_names_says_so(suffix, tmp_path):
 def test_a_file_without_any_name_says_so(tmp_path):
     path = tmp_path / "roof.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    with pytest.raises(SurfaceError, match="no part has the name 'Roof', or any other name; leave out --only"):
+    with pytest.raises(
+        SurfaceError, match="no visible part has the name 'Roof', because none has a name; leave out --only"
+    ):
         raw_mesh(path, only=["Roof"])
+
+
+def test_unnamed_parts_of_an_assembly_lend_no_name_of_a_library(tmp_path):
+    path = step_file(tmp_path / "roof.step", names=("", ""))
+    assert "=>" not in names_offered(path, "Rof")
 
 
 def test_marks_are_read_beside_the_selected_layer(tmp_path):

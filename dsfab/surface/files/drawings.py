@@ -156,8 +156,8 @@ class _Entities:
         self.hidden_layers = hidden_layers
 
     def meshes(self, entities: Any) -> Iterator[tuple[tuple[str, ...], tuple[Polygons, bool, Content]]]:
-        """Yield the names, the mesh and the content of each visible entity with a mesh; count the other entities.
-        Between mesh and content: True if the entity is in a mirrored block."""
+        """Yield the names of each visible entity with a mesh; and its mesh, True if it is in a mirrored block, and its
+        inventory entry. Count the other entities."""
         for entity, names, mirrored, _ in self.leaves(entities):
             meshes = [*_polygons(entity)]
             if not meshes:

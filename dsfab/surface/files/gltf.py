@@ -257,7 +257,7 @@ class _Scene:
             seen.add(number)
             node = nodes[number]
             shown = shown and node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True)
-            names = [str(node.get("name", "")), *outer_names]
+            names = [str(node.get("name") or ""), *outer_names]
             matrix = above @ _matrix(node)
             if "skin" in node:
                 self.counts[Content("skin", "dropped")] += 1

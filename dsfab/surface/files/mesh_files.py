@@ -110,7 +110,10 @@ class RawMesh:
         return METRES_PER[self.unit] if self.unit else 1.0
 
 
-CAD_SUFFIXES = (*(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"), *(".fbx", ".blend", ".rvt", ".gh"))
+CAD_SUFFIXES = (
+    *(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t", ".ifczip", ".ifcxml"),
+    *(".fbx", ".blend", ".rvt", ".gh"),
+)
 """Suffixes of files of CAD programs that dsfab does not read."""
 
 

@@ -199,7 +199,7 @@ def _name_in_file(name: str, names: list[str]) -> str:
     if matches:
         raise SurfaceError(f"the name {name!r} may mean {' or '.join(map(repr, matches))}; write one of them exactly")
     if not names:
-        raise SurfaceError(f"no part has the name {name!r}, or any other name; leave out {ONLY_OPTION}")
+        raise SurfaceError(f"no visible part has the name {name!r}, because none has a name; leave out {ONLY_OPTION}")
     likeness = {match: difflib.SequenceMatcher(None, match.lower(), name.lower()).ratio() for match in names}
     nearest = names_and_count(sorted(names, key=lambda match: -likeness[match]), 8)
     raise SurfaceError(f"no visible part has the name {name!r}; the names are {nearest}: choose with {ONLY_OPTION}")

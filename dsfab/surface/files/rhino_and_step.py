@@ -358,7 +358,8 @@ def _label_name(label: Any) -> str:
     from OCP.TDataStd import TDataStd_Name
 
     name = TDataStd_Name()
-    return TCollection_AsciiString(name.Get()).ToCString() if label.FindAttribute(name.GetID_s(), name) else ""
+    text = TCollection_AsciiString(name.Get()).ToCString() if label.FindAttribute(name.GetID_s(), name) else ""
+    return "" if text.startswith("=>[") else text  # OCCT's text for an instance without a name
 
 
 def _triangles(face: Any) -> tuple[Floats, Ints]:
