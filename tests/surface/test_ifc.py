@@ -144,6 +144,28 @@ def test_only_the_body_of_an_element_is_its_shape(body_name, count, tmp_path):
     assert raw.record.dropped == (() if count else ("1 IfcSlab element without faces",))
 
 
+def test_a_mirrored_instance_keeps_its_upper_side(tmp_path):
+    """Its triangles are turned, as in glTF and DXF files."""
+    model, body, (storey, _) = ifc_model()
+    roof = ifc_element(model, body, storey, "IfcRoof", "Roof", (ROOF.V, ROOF.F))
+    origin = model.create_entity("IfcCartesianPoint", (0.0, 0.0, 0.0))
+    shape = roof.Representation.Representations[0]
+    source = model.create_entity("IfcRepresentationMap", model.create_entity("IfcAxis2Placement3D", origin), shape)
+    x, y, z = (
+        model.create_entity("IfcDirection", axis) for axis in ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    )
+    turned = model.create_entity("IfcCartesianTransformationOperator3D", x, y, origin, 1.0, z)
+    item = model.create_entity("IfcMappedItem", source, turned)
+    roof.Representation.Representations = [
+        model.create_entity("IfcShapeRepresentation", body, "Body", "MappedRepresentation", [item])
+    ]
+    model.write(str(tmp_path / "mirrored.ifc"))
+    raw = raw_mesh(tmp_path / "mirrored.ifc")
+    mirrored = Surface(raw.V, raw.F)
+    assert mirrored.V[:, 0].max() == pytest.approx(-ROOF.V[:, 0].min(), abs=1e-6)
+    assert (mirrored.normals[:, 2] * np.sign(ROOF.normals[0, 2]) > 0.99).all()
+
+
 def test_a_roof_in_survey_coordinates_is_the_same_roof(tmp_path):
     """The place, and in the second file the vertices, are far away; only digits beyond those of a double are lost."""
     here, placed = (roof_file(tmp_path / f"{k}.ifc", place) for k, place in enumerate(((0.0, 0.0, 0.0), FAR)))

@@ -50,7 +50,8 @@ def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
         shape = shapes.get()
         V, F = np.array(shape.geometry.verts, dtype=np.float64), np.array(shape.geometry.faces, dtype=np.int64)
         if len(F) and shape.id in elements and _is_body(shape.context, elements[shape.id]):
-            parts.append((V.reshape(-1, 3), F.reshape(-1, 3)))
+            turn = -1 if _is_mirrored(elements[shape.id]) else 1
+            parts.append((V.reshape(-1, 3), F.reshape(-1, 3)[:, ::turn]))
             counts[Content(f"{elements.pop(shape.id).is_a()} element")] += 1
         has_next = shapes.next()
     for element in elements.values():
@@ -88,6 +89,14 @@ def _is_body(identifier: str, element: Any) -> bool:
     """Return True if a representation is the shape of an element: its body if it has one, but no axis or box."""
     identifiers = {shape.RepresentationIdentifier for shape in element.Representation.Representations}
     return identifier == "Body" if "Body" in identifiers else identifier not in NO_BODIES
+
+
+def _is_mirrored(element: Any) -> bool:
+    from ifcopenshell.util.placement import get_mappeditem_transformation
+
+    items = [item for shape in element.Representation.Representations for item in shape.Items]
+    mapped = [get_mappeditem_transformation(item)[:3, :3] for item in items if item.is_a("IfcMappedItem")]
+    return bool(mapped) and all(np.linalg.det(matrix) < 0 for matrix in mapped)
 
 
 def _is_hidden(layer: Any) -> bool:
