@@ -126,7 +126,7 @@ def test_a_folder_reads_back_as_a_design(whole: Design, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("preset", "changes"),
-    [(DOME_MODES, {"pattern.tidy": True, "pattern.fillet": 0.02}), ("barrel_vault", {"surface.edge": 0.9})],
+    [(DOME_MODES, {**SMALL, "pattern.tidy": True, "pattern.fillet": 0.02}), ("barrel_vault", {"surface.edge": 0.9})],
     ids=["stripes on modes", "even stripes"],
 )
 def test_a_design_from_a_folder_is_cut_as_before_and_loose_ends_are_removed(
