@@ -1,5 +1,8 @@
 """Files with a roof and walls that have names, written by programs that are not ours."""
 
+import locale
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import ezdxf
@@ -22,6 +25,16 @@ READERS = {
     "cad": read_occt,
     "ifc": read_ifc,
 }
+
+
+@contextmanager
+def own_locale() -> Iterator[None]:
+    """lib3mf's writer sets the locale of the whole process to C: tests after it would read ASCII from programs."""
+    before = locale.setlocale(locale.LC_ALL)
+    try:
+        yield
+    finally:
+        locale.setlocale(locale.LC_ALL, before)
 
 
 def read_in_this_process(monkeypatch) -> None:
@@ -103,7 +116,8 @@ def threemf_file(path: Path, parts=PARTS, above="") -> Path:
             thing.SetName(above)
             thing.AddComponent(mesh, wrapper.GetIdentityTransform())
         model.AddBuildItem(thing, wrapper.GetIdentityTransform()).SetPartNumber(f"number {k}")
-    model.QueryWriter("3mf").WriteToFile(str(path))
+    with own_locale():
+        model.QueryWriter("3mf").WriteToFile(str(path))
     return path
 
 

@@ -1,6 +1,5 @@
 """Mesh files: round trips through trimesh and lib3mf, bad files each with its sentence, facts about any mesh."""
 
-import locale
 import os
 import struct
 import warnings
@@ -20,6 +19,7 @@ from dsfab.surface.files.polygons import polygons, triangles
 from dsfab.surface.files.reader import flip_remark
 from dsfab.surface.shapes import cylinder, dome, plate, sphere
 from dsfab.surface.topology import manifold_faults
+from tests.surface.named_files import own_locale
 
 MESHES = Path(os.environ.get("DSFAB_MESHES", Path(__file__).parents[3] / "shared" / "meshes"))
 real = pytest.mark.skipif(not MESHES.is_dir(), reason="no folder of real meshes; set DSFAB_MESHES")
@@ -92,12 +92,10 @@ def test_glb_is_metres_with_y_up_and_becomes_z_up(tmp_path):
     assert read_surface(path, unit="mm").size == pytest.approx(read.size / 1000)
 
 
-@pytest.fixture
-def own_locale():
-    """lib3mf's writer sets the locale of the whole process to C: tests after it would read ASCII from programs."""
-    before = locale.setlocale(locale.LC_ALL)
-    yield
-    locale.setlocale(locale.LC_ALL, before)
+@pytest.fixture(name="own_locale")
+def restored_locale():
+    with own_locale():
+        yield
 
 
 @pytest.mark.usefixtures("own_locale")
