@@ -17,6 +17,7 @@ from dsfab.surface.files.reading import (
     contents,
     declared_unit,
     hidden_on,
+    ignored_clause,
     selected_parts,
 )
 
@@ -33,7 +34,10 @@ def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
     import ifcopenshell
     import ifcopenshell.geom as geom
 
-    if b"END-ISO-10303-21" not in path.read_bytes()[-512:]:  # ifcopenshell reads incomplete files without a warning
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 512))
+        end = file.read()
+    if b"END-ISO-10303-21" not in end:  # ifcopenshell reads incomplete files without a warning
         raise MalformedFileError("its last line END-ISO-10303-21 is missing: the file is not IFC, or it is cut off")
     try:
         model = ifcopenshell.open(str(path))
@@ -58,7 +62,7 @@ def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
         counts[Content(f"{element.is_a()} element", "dropped", "without faces")] += 1
     inventory = contents(counts)
     if not parts:
-        over = "".join(f"; ignored: {thing.text}" for thing in inventory)
+        over = ignored_clause(thing.text for thing in inventory)
         raise SurfaceError(f"the file has no element with faces{over}; export the elements with their shapes")
     return TriangleFile(*concatenated_mesh(parts), _unit(model), content=inventory)
 

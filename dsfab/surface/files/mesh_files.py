@@ -24,6 +24,7 @@ from dsfab.surface.files.reading import (
     Content,
     MalformedFileError,
     PolygonFile,
+    ignored_clause,
     number_steps,
     readable,
 )
@@ -207,7 +208,7 @@ def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:
 
 
 def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
-    n, over = len(raw.V), "".join(f"; ignored: {what}" for what in raw.record.dropped)
+    n, over = len(raw.V), ignored_clause(raw.record.dropped)
     if not len(raw.F):
         raise SurfaceError(
             f"{path} has {count_phrase(n, 'vertex')} and no faces{over}; give a mesh with at least one triangle"

@@ -167,6 +167,11 @@ def contents(counts: Counter[Content]) -> tuple[Content, ...]:
     return tuple(replace(thing, count=count) for thing, count in shown.items())
 
 
+def ignored_clause(texts: Iterable[str]) -> str:
+    """Return the end of a refusal that names what a file holds besides."""
+    return "".join(f"; ignored: {text}" for text in texts)
+
+
 MANY_LAYERS = 5  # If objects are hidden on more layers than this, one line reports them all.
 UNSELECTED = "unselected part"  # Kind of the parts that the user's names leave out.
 Part = TypeVar("Part")

@@ -23,6 +23,7 @@ from dsfab.surface.files.reading import (
     curve_points,
     declared_unit,
     hidden_on,
+    ignored_clause,
     is_mirrored,
     mark,
     mesh_at,
@@ -75,7 +76,7 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget, only: Sequence[str] = (
     inventory = contents(drawing.counts)
     if not parts:
         what = f"{count_phrase(bare, 'surface')} without a mesh" if bare else "no mesh"
-        over = "".join(f"; ignored: {thing.text}" for thing in inventory if thing.kind == "hidden object")
+        over = ignored_clause(thing.text for thing in inventory if thing.kind == "hidden object")
         raise SurfaceError(f"the file has {what}{over}; make a mesh in Rhino (Mesh), or export the surface as STEP")
     unit = declared_unit(model.Settings.ModelUnitSystem.name)
     return TriangleFile(*concatenated_mesh(parts), unit, content=inventory)
@@ -234,7 +235,7 @@ def read_occt(path: Path, only: Sequence[str] = ()) -> TriangleFile:
     BRepBndLib.Add_s(shape, box)
     faces = TopExp_Explorer(shape, TopAbs_FACE)
     if not faces.More() or box.IsVoid():
-        over = "".join(f"; ignored: {thing.text}" for thing in contents(counts))
+        over = ignored_clause(thing.text for thing in contents(counts))
         raise MalformedFileError(f"it has no faces, only curves or points{over}")
     # limits: distance of triangles from the face 2e-4 of the box's diagonal, angle of neighbours 0.2 radians
     BRepMesh_IncrementalMesh(shape, 2e-4 * box.SquareExtent() ** 0.5, False, 0.2, False)
