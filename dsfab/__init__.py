@@ -6,7 +6,7 @@
     design.save("outputs/dome")                                  # all files that `dsfab build` writes
 
     dsfab.revise(design, preset)      the design of a changed preset; unchanged stages keep their results
-    dsfab.sized_design(preset)        the design with the thinnest sheet that carries, from the material's stock
+    dsfab.sized_design(preset)        the design with the thinnest sufficient sheet from the material's stock
     dsfab.sweep(preset, ...)          many designs, with measures of each
     dsfab.compare(design)             compares the design with other designs of the same mass
     dsfab.edit(preset)                opens an editor in a notebook

@@ -21,8 +21,8 @@ from dsfab.surface.fields import CornerField, DividedField
 @dataclass(frozen=True, eq=False)
 class CaseResult:
     """Load, equilibrium and stress of a load case or a combination.
-    sigma   : (m, 3, 3) stress of the middle surface, Pa; of the lower side for a flat sheet that only bends.
-    answers : further results of the sheet, if necessary by other elements.
+    sigma   : (m, 3, 3) stress of the middle surface, Pa. For a flat sheet that only bends: of its lower side.
+    answers : further results of the sheet, which may come from other finite elements.
     factors : factors of the cases in a combination; None for a case.
     layered : (m, 3, 3) stress of all layers (`layer_stress`), Pa, if the pattern follows it; else None."""
 
@@ -41,9 +41,9 @@ class CaseResult:
 
 @dataclass(frozen=True, eq=False)
 class StaticsResult:
-    """Stage 2, on the uncut surface: load, equilibrium, stress (m, 3, 3), Pa, and answers, for all cases together.
+    """Results of stage 2 on the uncut surface; `load`, `equilibrium`, `sigma` and `answers` are for all cases together.
 
-    cases      : load cases by name, then the combinations. The next stage selects the stress of a case.
+    sigma      : (m, 3, 3) stress, Pa.    cases : load cases by name, then the combinations.
     objections : reasons against building, in sentences, the most serious first (`dsfab.design.buildability`)."""
 
     load: LoadCase
@@ -69,9 +69,9 @@ class DiffusionResult:
 
 @dataclass(frozen=True, eq=False)
 class StripeSteering:
-    """Changes of the stripes' directions by guides or symmetry.
+    """Changes of the stripes' directions by the preset's guide curves or symmetry.
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
-    guided : (m,) weight of guides; a weight of 1 equals a clear direction of stress.
+    guided : (m,) weight of guide curves; at weight 1, they count as much as a clear direction of stress.
     over   : (m,) True if major stripes follow the second principal stress.
     told   : sentence for the user on these directions, or ''."""
 
@@ -85,8 +85,8 @@ class StripeSteering:
 class EvenStripes:
     """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
 
-    phases  : phases of each family's finest lines, before halving removes lines.
-    wanted  : (m,) share of a face that has lines, for each family and each level of halving from the finest.
+    phases  : phases of each family's finest lines, before halving (removal of each second line).
+    wanted  : (m,) fraction of each face in which a halving removes no lines, for each family and each halving.
     slope   : (n, 2) finest lines per metre.    density : (n, 2) lines per metre after halving.
     first   : number of the family, 0 or 1, whose finer lines are added first.
     chart   : surface divided at ends of lines, with both phases, for pictures and measures.
@@ -143,7 +143,7 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class StressedSurface:
-    """Basis of a pattern: a surface, its statics, and the modes along its stresses."""
+    """Basis of a pattern: a surface, its statics, and the diffusion modes from its stresses."""
 
     surface: Surface
     statics: StaticsResult
@@ -189,7 +189,7 @@ class PatternResult:
 
     fields      : values at vertices, (n,), or (n, 2) for stripes of varying width; at corners of faces for evenly
                   spaced stripes; on divided faces for kept regions. A point has material if an odd number of
-                  levels lies below its value. A family may have several fields, coarse lines first.
+                  levels lie below the field value there. A family may have several fields, coarse lines first.
     half_widths : (n,) d for each field: a family has material where |z - k| < d for an integer k. On modes, z is
                   frequency x + phase; on even stripes, the phase of the used lines. d of other fields is infinite.
     factor      : factor on the widths, which gives pattern.width.solid_fraction; 1 without this key.
@@ -197,7 +197,7 @@ class PatternResult:
     mode, phase : modes and phases of both families; for `auto` the results.
     choice      : trials for `auto`, or None.
     even        : lines of evenly spaced stripes; None for stripes on modes.
-    asked       : section [pattern] of the preset with results in place of `auto`; None without `auto`.
+    asked       : section [pattern] of the preset, with a value in place of each `auto`; None without `auto`.
     tidy        : stripes that lead nowhere and are removed, or None.
     attempts    : trials for the method `auto`, best first; empty for another method.
     trial       : last cut of the search for widths, for use by slicing; not pickled."""
@@ -226,7 +226,7 @@ class PatternResult:
         return self.fields, self.levels, self.tidy
 
     def with_trial(self, trial: TrialCut | None) -> "PatternResult":
-        """Return the pattern with a trial cut if the cut was made from this pattern; else return it unchanged."""
+        """Return this pattern with `trial`, if `trial` is a cut of the same fields and levels; else this pattern."""
         return replace(self, trial=trial) if trial and trial.is_cut_of(self.cut_inputs) else self
 
     def half_width(self, family: str) -> Floats:
@@ -291,7 +291,7 @@ ROWS = {
     "thickening": ("thickening",),
 }
 """Rows of the timing table of each stage."""
-PARTS = {"statics": ("factor",)}  # Rows whose seconds are part of another row, by stage.
+PARTS = {"statics": ("factor",)}  # Timing rows whose seconds are part of another row, by stage.
 Progress = Callable[[str, str], None]  # Receives the name of a stage and a message about its step.
 
 
@@ -300,7 +300,7 @@ def silent(_stage: str, _doing: str) -> None: ...
 
 @dataclass
 class Log:
-    """Progress, seconds and notes of a run. file : record of the surface file. clock : returns the time in seconds."""
+    """Progress, seconds and notes of a run. file : texts on the surface file. clock : returns the time in seconds."""
 
     progress: Progress | None
     seconds: dict[str, float] = field(default_factory=dict)

@@ -72,7 +72,7 @@ def bench(
     repeat: Annotated[int, Parameter(name=["--repeat", "-n"], help="Runs per preset; the table shows medians.")] = 3,
     work: Workload = Workload(),
     preview: Annotated[
-        bool, Switch(help="Time the previewer instead: pictures a second, plain and with stripes.")
+        bool, Switch(help="Time the previewer in place of presets: pictures a second, plain and with stripes.")
     ] = False,
     step: Annotated[bool, Switch(help="Include STEP in the export column.")] = False,
     json_: Annotated[bool, Switch(name="--json", help="Print a JSON list instead of a table.")] = False,

@@ -68,7 +68,7 @@ def measure(triangles: int) -> dict[str, Any]:
         for kind, shader in shaders.items()
     }
     try:
-        scenes["plain"].frame(view, *PIXELS)  # the renderer has a name after the first frame
+        scenes["plain"].frame(view, *PIXELS)  # the first frame determines the name of the renderer
         renderer = scenes["plain"].renderer
         frame_times = _frames(scenes, shaders, view)
     finally:
@@ -92,7 +92,7 @@ def _frames(
     scenes: "dict[str, Scene]", shaders: "dict[str, StripeShader | None]", view: "View"
 ) -> dict[str, list[tuple[float, float, float]]]:
     frame_times: dict[str, list[tuple[float, float, float]]] = {}
-    for kinds in (("plain", "shader", "graded"), ("walls",)):  # kinds alternate, so other programs slow all alike
+    for kinds in (("plain", "shader", "graded"), ("walls",)):  # kinds alternate: other programs slow them down equally
         start, number = time.perf_counter(), 0
         while number < 5 or time.perf_counter() - start < SECONDS:
             for kind in kinds:

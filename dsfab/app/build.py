@@ -26,7 +26,7 @@ class Files:
 
     output: Annotated[Path | None, OutputName(help="Folder for the files [outputs/NAME].")] = None
     format_: Annotated[
-        str | None, Parameter(name=["--format", "-f"], help="Formats with commas; `dsfab export --help` lists all.")
+        str | None, Parameter(name=["--format", "-f"], help="Formats (comma list); `dsfab export --help` lists all.")
     ] = None
 
     accept: Annotated[
@@ -139,7 +139,7 @@ def _step_is_optional(export: "Export") -> bool:
 
 
 def _refusal_line(why: str, preset: "Preset", folder: Path) -> str:
-    longer = f"; dsfab export {shlex.quote(str(folder))} --to step --step auto tries more ways, for minutes"
+    longer = f"; dsfab export {shlex.quote(str(folder))} --to step --step auto takes minutes, but may succeed"
     return f"left out: {why}{longer if preset.export.step == 'quick' else ''}"
 
 

@@ -39,7 +39,7 @@ USUAL = Output()
 
 
 class BuildPage:
-    """Printer of a build's results as soon as they are known. faulty : True if the design does not carry its loads."""
+    """Printer of each result of a build when it is known. faulty : True if the design does not carry its loads."""
 
     def __init__(self, output: Output) -> None:
         self.output, self.faulty, self._count = output, False, 0
@@ -53,7 +53,7 @@ class BuildPage:
             self._count += 1 + line.count("\n")
 
     def announcements(self, design: "Design", reporter: Reporter, picture: bool) -> "Announcements":
-        """Return a function that prints the verdict, and one that prints the picture's path before slow files exist."""
+        """Return functions that print the verdict, and then the picture's path before slow files are written."""
         from dsfab.report.design.save import Announcements
 
         def print_verdict(judged: "Carrying") -> None:

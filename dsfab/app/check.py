@@ -23,10 +23,10 @@ QUESTIONS = {
     "solid": "is it a solid",
     "unit": "is the unit right",
     "cut": "can CAD programs cut it",
-    "wall": "is no wall too thin",
-    "gap": "is no gap too small",
+    "wall": "is every wall thick enough",
+    "gap": "is every gap wide enough",
     "design": "is it the design",
-    "compliance": "does it carry like the design",
+    "compliance": "is it as stiff as the design",
 }
 
 
@@ -198,7 +198,7 @@ def check_lines(checked: "FileCheck", preset: str | None = None) -> Iterator[str
 def _number_rows(checked: "FileCheck") -> Iterator[tuple[str, str]]:
     contents, soundness, clearances, distance = checked.found, checked.soundness, checked.clearances, checked.distance
     low, high = soundness.box
-    yield "unit", f"{contents.unit}, " + ("named by the file" if contents.declared else "by convention: STL names none")
+    yield "unit", f"{contents.unit}, " + ("named by the file" if contents.declared else "assumed: STL has no units")
     yield "size", " x ".join(length(side) for side in (high - low).tolist())
     yield "triangles", f"{len(contents.F):,}" + (f", {contents.collapsed} more collapsed" if contents.collapsed else "")
     yield "pieces", f"{soundness.pieces}" + (f", touching in {soundness.pinches} points" if soundness.pinches else "")
@@ -240,7 +240,7 @@ def _reason(finding: "Finding", checked: "FileCheck") -> str:
         return f"as a solid it is {abs(softening):.1%} {'softer' if softening > 0 else 'stiffer'} than as a shell"
     if finding.name == "design" and finding.verdict == "fail" and checked.distance is not None:
         distance, allowed = checked.distance.beyond + checked.distance.allowed, checked.distance.allowed
-        return f"its surface is {length(distance)} off the design's where {length(allowed)} are allowed"
+        return f"its surface is {length(distance)} from the design's surface; the limit is {length(allowed)}"
     return finding.reason
 
 
@@ -248,10 +248,10 @@ def _unit_reason(checked: "FileCheck") -> str:
     read = checked.found.unit
     if (distance := checked.distance) is not None:
         return (
-            f"read in {read} it is {distance.scale:.4g} times the design's size: its numbers look like "
-            f"{distance.meant_unit}; scale the file, or give --unit if its receiver will know the unit"
+            f"read in {read} it is {distance.scale:.4g} times as large as the design, so its unit is probably "
+            f"{distance.meant_unit}; scale the file, or give --unit if the recipient knows the unit"
         )
     wall = checked.clearances.wall if checked.clearances else None
     likely_unit = "metres" if wall is not None and wall.size < 1 else "micrometres"
-    words = f"its thinnest wall is {length(wall.size) if wall else 'nothing'}: its numbers look like {likely_unit}"
-    return f"read in {read} {words}; scale the file or give --unit"
+    words = f"its thinnest wall is {length(wall.size) if wall else 'nothing'}, so its unit is probably {likely_unit}"
+    return f"with the unit {read} {words}; scale the file or give --unit"

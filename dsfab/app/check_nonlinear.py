@@ -45,7 +45,7 @@ class Nonlinear:
     minutes: Annotated[float, Parameter(help="Time limit for each of the two or three runs of CalculiX.")] = 60.0
 
 
-LINEAR_FILE_CHECK = Nonlinear()  # Default options: a linear check of a file.
+LINEAR_FILE_CHECK = Nonlinear()  # Default options, with which `dsfab check` makes no nonlinear analysis.
 
 
 def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool, quiet: bool) -> int:

@@ -30,21 +30,21 @@ app = App(
     version=__version__,
     suppress_keyboard_interrupt=False,
 )
-# commands are texts, so that Python imports only the module in use
+# commands are given as import paths, so that Python imports only the module of the requested command
 app.command(
     "dsfab.app.build:build", name="build", help="Build a preset: solid, sheet, picture and numbers, in one folder."
 )
 app.command(
     "dsfab.app.new:new", name="new", help="Write a preset for a surface of your own, with a line for each decision."
 )
-app.command("dsfab.app.size:size", name="size", help="Choose the thinnest sheet that carries, from the stock.")
+app.command("dsfab.app.size:size", name="size", help="Choose the thinnest sheet from the stock that meets the targets.")
 app.command("dsfab.app.export:export", name="export", help="Write one file: solid, lines, drawing, fields or model.")
 app.command(
     "dsfab.app.workshop:workshop", name="workshop", help="Cut a design from sheets: flat parts, nested on the stock."
 )
-app.command("dsfab.app.report:report", name="report", help="Report what members bear, against Eurocode 3 or 5.")
+app.command("dsfab.app.report:report", name="report", help="Report the utilisation of members by Eurocode 3 or 5.")
 app.command("dsfab.app.preview:preview", name="preview", help="Draw a design without building it.")
-app.command("dsfab.app.check:check", name="check", help="Read an exported solid again: is it sound, and the design?")
+app.command("dsfab.app.check:check", name="check", help="Check an exported solid, and compare it with the design.")
 app.command("dsfab.app.explore:explore", name="explore", help="Draw many variants of a design on one contact sheet.")
 app.command("dsfab.app.editor:edit", name="edit", help="Change a design in your browser and watch it.")
 app.command("dsfab.app.hops:hops", name="hops", help="Serve components to Grasshopper on this machine.")

@@ -100,7 +100,7 @@ def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
     assert spread is not None
     best, worst, mean = (f"{value / full:.3g}" for value in (spread.best, spread.worst, spread.mean))
     words = f"{competitor.name}: {spread.carried} of {spread.tried} variants carry the loads"
-    return f"{words}, from {best} to {worst} x the full sheet, {mean} x in the mean"
+    return f"{words}; their compliance is {best} to {worst} times that of the full sheet, {mean} times on average"
 
 
 ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of material, None for the design's own share.
@@ -113,7 +113,7 @@ class Questions:
 
     against: Annotated[
         str | None,
-        Parameter(help="Comma list: isotropic, rotated, thinner, von_mises, grid, simp [isotropic,thinner]."),
+        Parameter(help="Competitors (list): isotropic, rotated, thinner, von_mises, grid, simp [isotropic,thinner]."),
     ] = None
     volumes: Annotated[
         str | None, Parameter(help="Also compare at these shares of the surface: LOW:HIGH:COUNT, such as 0.2:0.8:7.")
@@ -121,12 +121,12 @@ class Questions:
     level: Annotated[
         Literal["quick", "full"] | None,
         Parameter(
-            help="quick: one solve each. full: finer and finer meshes, for a compliance with a tested bound [full for "
-            "the design, and for the best of each competitor if all take less than a minute; quick for --volumes]."
+            help="quick: solve each structure once. full: solve finer and finer meshes, for a compliance with a bound "
+            "[full; quick with --volumes, and for cut competitors if all checks in full would take over a minute]."
         ),
     ] = None
-    buckling: Annotated[bool, Switch(help="Also compute the lowest buckling factor of each.")] = False
-    frequency: Annotated[bool, Switch(help="Also compute the lowest frequency of each.")] = False
+    buckling: Annotated[bool, Switch(help="Also compute the lowest buckling factor of each structure.")] = False
+    frequency: Annotated[bool, Switch(help="Also compute the lowest frequency of each structure.")] = False
     memory: Annotated[float, Parameter(help="GB that the solver may take for a full check.")] = 4.0
 
     @property
@@ -172,7 +172,7 @@ class Results:
 
     output: Annotated[
         Path | None,
-        OutputName(help="Folder for the results [outputs/NAME/compliance]; of several presets, a folder each in it."),
+        OutputName(help="Folder for the results [outputs/NAME/compliance]; several presets get a subfolder each."),
     ] = None
     resume: Annotated[bool, Switch(help="Skip presets that the same command has compared already.")] = False
     report: Annotated[bool, Parameter(help="Also write report.html and report.pdf.")] = True
@@ -230,7 +230,7 @@ def _comparisons(design: "Design", questions: Questions, reporter: Reporter) -> 
     try:
         design_judge, rival_judge, level_note = judges(design, questions.competitor_names, checks)
         if level_note:
-            reporter.print_line(f"compare     {level_note} (--level full checks all)")
+            reporter.print_line(f"compare     {level_note} (to check all of them fully: --level full)")
         report_progress = partial(reporter, "compare")
         compared = comparison(
             design, questions.competitor_names, design_judge, report_progress, rival_judge, bool(shares)
@@ -239,7 +239,7 @@ def _comparisons(design: "Design", questions: Questions, reporter: Reporter) -> 
     except DsfabError as error:
         if not shares:
             raise
-        reporter.print_line(f"compare     the design is left out at its own share of the surface: {error}")
+        reporter.print_line(f"compare     no comparison with the design's own share of material: {error}")
     # a coarse mesh would make an uncut sheet a quarter too soft
     judge = checks.judge(questions.level or "whole")
     for share in shares:

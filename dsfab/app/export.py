@@ -40,7 +40,7 @@ GROUPS = {
     "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Titles of groups of formats, by the content of their files. All other contents serve as titles themselves."""
+"""Titles of groups of formats, by the content of their files. A content that is not listed is its own title."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -48,7 +48,7 @@ TO_HELP = (
     "(curves), csv, json. Members by name: members.json, members.csv, nodes.csv; as "
     "objects on layers members.3dm, members.ifc, members.glb, members.dxf (lines). Fields on the uncut surface: vtu. "
     "Section forces n, m and q of the cut sheet, in every face: forces.vtu, forces.csv; N, V and M along each member: "
-    "member_forces.csv, member_forces.xlsx (a sheet for each); over what they can bear by Eurocode 3 or 5: "
+    "member_forces.csv, member_forces.xlsx (a worksheet for each member); utilisation by Eurocode 3 or 5: "
     "member_utilisation.csv. A beam model for SCIA, RFEM and others: saf.xlsx, or saf for short; for OpenSees: tcl, or "
     "opensees; for CalculiX: beams.inp. A check: calculix. [as the suffix of -o]"
 )
@@ -70,7 +70,7 @@ def export(
     /,
     *,
     to: Annotated[str | None, Parameter(help=TO_HELP)] = None,
-    output: Annotated[Path | None, OutputName(help="The file [outputs/NAME/NAME.ext].")] = None,
+    output: Annotated[Path | None, OutputName(help="The file to write [outputs/NAME/NAME.ext].")] = None,
     sheet: Annotated[
         SheetName | None,
         Parameter(

@@ -20,7 +20,7 @@ PROGRAM = (
 )
 """Program of the drawing process. Without garbage collection its imports take a tenth less time."""
 
-SKETCH_SECONDS = 60.0  # Longest wait for a sketch, in seconds, after the widths are known.
+SKETCH_SECONDS = 60.0  # Longest time to wait for the drawing process to finish its sketch.
 
 
 class FirstPicture:

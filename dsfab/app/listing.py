@@ -180,7 +180,7 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
         ("pieces", f"{facts.pieces:,}"),
         (
             "boundary",
-            "none: the surface is closed" if facts.closed else loop_words + (" ..." if len(loops) > 6 else ""),
+            "no boundary: the surface is closed" if facts.closed else loop_words + (" ..." if len(loops) > 6 else ""),
         ),
         ("genus", "" if facts.genus is None else str(facts.genus)),
         ("sharpest", f"{facts.smallest_angle:.1f} degrees is the smallest angle"),

@@ -80,10 +80,10 @@ Stand = Annotated[
         name="--stand",
         help="What holds a mesh, if dsfab should not choose: feet, loops (column heads), edge (all around), ring "
         "(inner edge), edges (both), hung, ends, sides, posts, corners, tent, walls, hollows, columns, base; or a "
-        "height in metres: the edge up to it over its lowest point.",
+        "height in metres, below which the edge is supported (measured from its lowest point).",
     ),
 ]
-BuiltIn = Annotated[bool, Switch(name="--built-in", help="The supports of a mesh do not let it turn there.")]
+BuiltIn = Annotated[bool, Switch(name="--built-in", help="Clamp the mesh at its supports: it cannot rotate there.")]
 LoadWish = Annotated[
     tuple[str, ...],
     Parameter(
@@ -200,7 +200,7 @@ class Source(MeshFlags):
         return replace(self, set_=(*self.set_, *texts))
 
     def command_words(self, name: str) -> list[str]:
-        """Return the words of a command line for a preset with these changes."""
+        """Return the words of a command line for the preset `name` with the options of this source."""
         words = [name, *(word for text in self.set_ for word in ("--set", text))]
         words += ["--mesh", str(self.mesh)] if self.mesh is not None else []
         words += ["--unit", self.unit] if self.unit is not None else []
@@ -279,7 +279,7 @@ def estimate_lines(design: "Design") -> Iterator[str]:
     from dsfab.export import step_estimates
 
     content, options = deliverable(design, ".step")
-    options.pop("details", None)  # measures and material hardly change the size of the file
+    options.pop("details", None)  # details such as the material hardly change the size of a STEP file
     estimates = step_estimates(content, name=design.preset.name, **options)
     head = ("STEP", "faces", "size", "write s", "open s", "memory to open", "")
     yield table(head, [_estimate_row(estimate) for estimate in estimates])
@@ -287,7 +287,7 @@ def estimate_lines(design: "Design") -> Iterator[str]:
         if estimate.refused or estimate.note:
             yield f"  {estimate.way}: {estimate.refused or estimate.note}"
     if not any(estimate.chosen for estimate in estimates):
-        yield "none of these would be written; raise --max-faces or --max-mb, or write stl or 3mf"
+        yield "no STEP file would be written; raise --max-faces or --max-mb, or write stl or 3mf"
 
 
 def _estimate_row(estimate: "Estimate") -> tuple[str, ...]:

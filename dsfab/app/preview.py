@@ -34,7 +34,7 @@ SHOW_WORDS = {
         *("major_mode", "minor_mode", "displacement"),
     ),
 }
-"""Words of --show that stand for several pictures or another picture."""
+"""Words of --show that are not the name of a single picture, with the pictures that they show."""
 
 SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
 """Pictures that `all` includes only if the preset sets their key of [statics]."""
@@ -82,9 +82,9 @@ class PictureOptions:
         ),
     ] = None
     ground: Annotated[str, Parameter(help="paper, white or transparent.")] = "paper"
-    output: Annotated[Path | None, OutputName(help="PNG file [NAME.png, in the folder if one is built].")] = None
+    output: Annotated[Path | None, OutputName(help="PNG file [NAME.png; in the folder of a built design].")] = None
     size_: Annotated[
-        str | None, Parameter(name="--size", help="WIDTHxHEIGHT in pixels [1600x1200; each of several: 800x600].")
+        str | None, Parameter(name="--size", help="WIDTHxHEIGHT in pixels [1600x1200; 800x600 for several pictures].")
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
@@ -110,7 +110,7 @@ def preview(
     watch: Annotated[bool, Switch(help="Draw again when the preset file is saved, until Ctrl-C.")] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Draw a preset in a few seconds: evenly spaced stripes as built, other patterns and fields on the uncut sheet.
+    """Draw a preset in a few seconds. Evenly spaced stripes look as built; the uncut sheet shows all other pictures.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[Fir
         probe_ahead()
         yield None
         return
-    on_sketch = lambda: reporter.print_line("preview     a first picture is there, its widths follow")  # noqa: E731
+    on_sketch = lambda: reporter.print_line("preview     a first picture is ready; exact widths follow")  # noqa: E731
     with FirstPicture(on_sketch if sketched else None) as first_picture:
         yield first_picture
 
@@ -251,7 +251,7 @@ def _draw_structure(
     try:
         design = design.until("thickening")
     except DsfabError as error:
-        reporter.print_line(f"note (preview): drawn before it is cut, because cutting failed: {error}")
+        reporter.print_line(f"note (preview): the picture shows the uncut pattern, because cutting failed: {error}")
         return False
     reporter("preview", f"drawing {page.path.name}")
     structure_picture = structure_drawing(design, size=page.pixels, **page.options)

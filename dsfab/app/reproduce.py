@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dsfab.reproduction.figures import FigurePictures
     from dsfab.reproduction.published import PaperFigure
 
-FOLDER = Path("outputs/paper")  # Default folder of the page.
+FOLDER = Path("outputs/paper")  # Default folder of the page about the figures.
 COARSEST = 8.0  # Limit of --coarser: a coarser mesh has too few vertices for the modes.
 
 
@@ -32,7 +32,7 @@ def reproduce(
         float, Parameter(help="Make edges this many times as long as in the presets, for a quick rough look.")
     ] = 1.0,
     volumes: Annotated[
-        bool, Switch(help="Also compare the sphere with others at three volumes (a quarter of an hour, 9 GB).")
+        bool, Switch(help="Also compare designs of the sphere at three volumes (a quarter of an hour, 9 GB).")
     ] = False,
     small: Annotated[
         bool, Switch(help="Also write small.html: the page in one file, with pictures of half the size.")
@@ -43,7 +43,7 @@ def reproduce(
     ] = None,
     quiet: Quiet = False,
 ) -> int:
-    """Make the paper's figures and a page about them: each step in pictures, its parameters, its seconds.
+    """Make the paper's figures, and a page with pictures, parameters and times of their steps.
 
     The exit code is 4 if a figure could not be made; the page then shows the reason.
 
@@ -151,7 +151,7 @@ def _system_load() -> float:
 
 def _load_words(loads: list[float]) -> str:
     least, greatest = min(loads), max(loads)
-    return "" if math.isnan(least) else f"{least:.1f} to {greatest:.1f} programs wanted a core meanwhile"
+    return "" if math.isnan(least) else f"{least:.1f} to {greatest:.1f} programs competed for the processor meanwhile"
 
 
 def _summary(figures: "list[FigurePictures]", folder: Path, small: bool) -> None:

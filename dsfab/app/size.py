@@ -1,4 +1,4 @@
-"""The command `dsfab size`: the thinnest sheet of the stock that carries."""
+"""The command `dsfab size`: the thinnest sheet of the stock with which a structure meets its targets."""
 
 import shlex
 from pathlib import Path
@@ -20,8 +20,8 @@ def size(
     """Choose the thinnest sheet of the stock with which the cut structure meets the targets of [sizing].
 
     The cut sheet is solved at two thicknesses, which give the results at all others. The chosen thickness is then cut
-    and solved again. If no thickness suffices, the pattern gets more material, then closer members. The exit code is 5
-    if nothing suffices.
+    and solved again. If no thickness suffices, dsfab tries a larger share of material, then a smaller spacing of
+    members. The exit code is 5 if nothing suffices.
 
     Parameters
     ----------

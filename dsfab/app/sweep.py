@@ -37,14 +37,14 @@ class PlanOptions:
     evaluations: Annotated[int | None, Parameter(help="Runs of a search [200].")] = None
     keep: Annotated[
         tuple[str, ...],
-        Parameter(negative=(), help="Files to keep of a run: picture, preset, sheet, solid or nothing [picture]."),
+        Parameter(negative=(), help="Files of each run to keep: picture, preset, sheet, solid or nothing [picture]."),
     ] = ()
     export: Annotated[str | None, Parameter(help="Keep solids, in these formats: stl,3mf,step,obj,ply,glb.")] = None
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT of the pictures [480x360].")] = None
     view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
 
     def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options as keys of a sweep file, None if unset. file_tables : keys of the file itself."""
+        """Return the options as keys of a sweep file; unset options are None. file_tables : keys of the sweep file."""
         from dsfab.app.sweep_options import listed_words
 
         keep_words = listed_words(self.keep)
@@ -72,7 +72,7 @@ class Work:
     """Folder and workers of a sweep, and runs to repeat."""
 
     output: Annotated[Path | None, OutputName(help="The sweep's folder [outputs/NAME-sweep].")] = None
-    workers: Annotated[int | None, Parameter(help="Processes [cores, as memory allows].")] = None
+    workers: Annotated[int | None, Parameter(help="Number of processes [all cores, if memory suffices].")] = None
     scheduler: Annotated[str | None, Parameter(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None
     extend: Annotated[bool, Switch(help="Add new runs to an existing sweep.")] = False
     retry: Annotated[
@@ -82,11 +82,11 @@ class Work:
 
     @property
     def retried_states(self) -> "tuple[State, ...]":
-        """States of the runs that a continued sweep repeats."""
+        """States of earlier runs: a sweep that continues repeats the runs with these states."""
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
-        """Return the folder of the sweep; None for a new sweep without --output. Raises DsfabError for two folders."""
+        """Return the sweep's folder; None for a new sweep without -o. Raises DsfabError if -o is another folder."""
         if _is_sweep_folder(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
                 raise DsfabError(f"{what} is a sweep's folder, and the sweep continues in it; leave out -o")
@@ -168,7 +168,7 @@ def _is_sweep(path: Path) -> bool:
     try:
         values = toml_table(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, TomlError):
-        return path.suffix == ".toml"  # the sweep's reader reports the error
+        return path.suffix == ".toml"  # the reader of sweep files reports the fault of the file
     return not {"preset", "vary", "linked"}.isdisjoint(values)
 
 
@@ -197,7 +197,7 @@ def _run_sweep(values: dict[str, Any], title: str, folder: Path | None, work: Wo
             print_result(sweep_summary(sweep))
         missing, quoted = missing_runs_line(sweep), shlex.quote(str(folder))
     if stopped:
-        line.print_line(f"dsfab: stopped; what is done is kept, `dsfab sweep {quoted}` goes on. {missing}".rstrip())
+        line.print_line(f"dsfab: stopped; finished runs are kept. To go on: `dsfab sweep {quoted}`. {missing}".rstrip())
         return ExitCode.INTERRUPTED
     if missing:
         line.print_line(f"dsfab: {missing}; `dsfab sweep {quoted}` tries again")

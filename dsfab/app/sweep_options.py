@@ -46,8 +46,8 @@ def _span_table(text: str, values: str) -> Tables:
             raise ValueError(values)
     except (ValueError, IndexError):
         raise DsfabError(
-            f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT such as 4:24:6, KEY=LOW:HIGH for --sample, "
-            "and :log at the end for equal factors"
+            f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT such as 4:24:6, or KEY=LOW:HIGH with --sample; "
+            "end with :log for values at a constant ratio"
         ) from None
     return {"from": start, "to": end, **count, **({"log": True} if log else {})}
 

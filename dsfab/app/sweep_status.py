@@ -32,7 +32,7 @@ class SweepProgress:
         self._told = 0.0
 
     def add_run(self, number: int, metrics: Mapping[str, float]) -> None:
-        """Record the metrics of a finished run, also of an earlier session."""
+        """Record the metrics of a run that finished in this session or in an earlier session."""
         value = metrics.get(self._metric, float("nan"))
         if not isfinite(value) or not all(limit.holds(metrics) for limit in self._limits):
             return
@@ -44,7 +44,7 @@ class SweepProgress:
         """Report the end of a run, or the start of the first run."""
         outcome = progress.last
         if outcome is not None and outcome.error:
-            limit = 110  # characters; the log has the whole reason
+            limit = 110  # characters of the reason that are shown; the log has the whole reason
             short = outcome.error if len(outcome.error) <= limit else outcome.error[:limit] + "..."
             ended = "was killed" if outcome.killed else "failed"
             self._console.print(f"run {outcome.number} {ended}: {short}", markup=False)

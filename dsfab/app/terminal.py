@@ -65,7 +65,7 @@ class Reporter:
             self._stage = None
 
     def stop(self) -> None:
-        """Remove the live line without the seconds."""
+        """Remove the line that shows the current stage, and do not print its seconds."""
         if self._status:
             self._status.stop()
             self._status = None

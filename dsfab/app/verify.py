@@ -1,4 +1,4 @@
-"""The command `dsfab verify`: solves structures with known answers, and tests the error bounds of verdicts."""
+"""The command `dsfab verify`: solves structures with known answers, and tests the error bounds of `dsfab compare`."""
 
 import json
 from collections import Counter
@@ -52,9 +52,9 @@ def summary_text(rows: "Sequence[TrialRow]") -> str:
 
     result = summary(rows)
     return (
-        f"verdicts on {result.designs} random designs: {result.inside:.0%} inside their bound, median bound "
-        f"{result.median_bound:.1%}, largest error {result.largest_error:.1%}, {result.converged} converged; "
-        f"quick level: median error {result.quick_median:.1%}, nine in ten within {result.quick_most:.1%}"
+        f"verdicts on {result.designs} random designs: {result.inside:.0%} have an error within their bound, median "
+        f"bound {result.median_bound:.1%}, largest error {result.largest_error:.1%}, {result.converged} converged; "
+        f"quick level: median error {result.quick_median:.1%}, nine of ten errors under {result.quick_most:.1%}"
     )
 
 
@@ -84,7 +84,7 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""Head of the table. `of limit` is the value divided by a thin sheet's exact answer, if that is not the reference."""
+"""Head of the table. `of limit` is the value divided by the limit of thin sheets, if the reference is another value."""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 
@@ -92,19 +92,19 @@ PAGE = Path("outputs/verification")  # Default folder of the page.
 def verify(
     *tests: str,
     elements: Annotated[
-        tuple[str, ...], Parameter(name=["--elements", "-e"], negative=(), help="Pair such as hybrid+hhj (repeatable).")
+        tuple[str, ...], Parameter(name=["--elements", "-e"], negative=(), help="Such as hybrid+hhj; repeatable.")
     ] = (),
     list_: Annotated[bool, Switch(name="--list", help="List tests and sources only.")] = False,
     json_: Annotated[bool, Switch(name="--json", help="Print a JSON list instead of a table.")] = False,
     page: Annotated[bool, Switch(help="Write a page of plots as well: index.html.")] = False,
     calibration: Annotated[
-        bool, Switch(help="Measure the bounds of verdicts on random designs anew (15 min).")
+        bool, Switch(help="Test the error bounds of `dsfab compare` again, on random designs (15 min).")
     ] = False,
-    out_: Annotated[Path, Parameter(name=["--out", "-o"], help="Folder of the page and the calibration.")] = PAGE,
+    out_: Annotated[Path, Parameter(name=["--out", "-o"], help="Folder for --page and --calibration.")] = PAGE,
 ) -> int:
     """Solve plates, beams, shells and vessels with published answers, and print the error of each pair of elements.
 
-    The exit code is 1 if a reported pair misses the tolerance of a test on its finest mesh.
+    The exit code is 1 if a pair that gives dsfab's results misses the tolerance on the finest mesh of a test.
 
     Parameters
     ----------
@@ -159,16 +159,16 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list
     theory_tests = {row.test for row in rows if row.verdict == "theory"}
     lines += [f"{test.name}, verdict theory: {test.beyond}" for test in tests if test.name in theory_tests]
     failed = {f"{row.test} ({row.mesh}): {row.elements} {row.verdict}": None for row in failures(rows)}
-    lines.append(f"pairs that are reported from: {', '.join(failed) or 'none is off on a finest mesh'}")
+    lines.append(f"elements of dsfab that miss a tolerance: {', '.join(failed) or 'none is off on a finest mesh'}")
     with_target = [row for row in rows if row.met is not None]
     if with_target:
         lines.append(f"targets of {pair}: {sum(bool(row.met) for row in with_target)} of {len(with_target)} met")
     spread = {key: value for key, value in pattern_spread(rows).items() if key[1:] == (pair, 16)}
     if spread:
         widest = max(spread, key=lambda key: spread[key])
-        lines.append(f"widest spread between mesh patterns at 16 cells: {100 * spread[widest]:.2g} % ({widest[0]})")
+        lines.append(f"results of mesh patterns at 16 cells differ by up to {100 * spread[widest]:.2g} % ({widest[0]})")
     counts = Counter(standing.outcome for standing in standings(rows, {test.name: test for test in tests}))
     if counts:
         outcomes = ", ".join(f"{name} {counts[name]}" for name in ("better", "alike", "worse") if counts[name])
-        lines.append(f"{pair} against {counts.total()} published values, at equal unknowns or cells: {outcomes}")
+        lines.append(f"{pair} and {counts.total()} published values from meshes of equal size: {outcomes}")
     return [*lines, summary_text(shipped_table())]

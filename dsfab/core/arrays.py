@@ -151,7 +151,7 @@ def sorted_order(keys: Ints) -> Ints:
 
 
 def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return `sorted_order` of integers (k,), the starts of equal integers in it, and each integer's group (k,)."""
+    """Return `sorted_order` of integers (k,), the starts of groups of equal integers, and each integer's group (k,)."""
     order, ascending = _stable_sort(keys)
     is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     group = np.empty(len(keys), dtype=np.int64)
@@ -191,7 +191,7 @@ def first_few(indices: Ints, count: int = 5) -> str:
 
 
 ALIKE = 0.05
-"""Widths of openings or bars count as equal below this relative difference, because the mesh may cause it."""
+"""Widths of openings or bars count as equal below this relative difference, because the mesh causes such errors."""
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:

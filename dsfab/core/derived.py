@@ -1,6 +1,6 @@
-"""Results that follow from a single frozen value, which stores them.
+"""Results that are computed from a single immutable object, and stored in this object.
 
-Inside the class of the value, use `cached_property`; elsewhere, such as in statics for a `Surface`, use `derived`."""
+Methods of the object's class use `cached_property`; functions of other modules use `derived`."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -11,7 +11,7 @@ R = TypeVar("R")
 
 
 class DerivedResults(dict[Any, Any]):
-    """Results by key. A pickled value leaves them out, because another process can compute them again."""
+    """Results derived from a value, by key. Pickle omits the results, because another process can compute them."""
 
     def __reduce__(self) -> tuple[type["DerivedResults"], tuple[()]]:
         return DerivedResults, ()

@@ -38,7 +38,7 @@ class PresetError(DsfabError):
 
 
 def did_you_mean(word: str, choices: Iterable[str]) -> str:
-    """Return '; did you mean dome?' with the choice nearest to `word` (the first if several are), or an empty text."""
+    """Return '; did you mean dome?' with the choice nearest to `word` (the first of equally near choices), or ''."""
     names = list(choices)
     matches = difflib.get_close_matches(word, names)
     ratios = [difflib.SequenceMatcher(None, name, word).ratio() for name in matches]

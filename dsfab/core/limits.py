@@ -15,8 +15,8 @@ The limit is far below the error of the elements. It is above rounding errors on
 REPORTED_RESIDUAL = 1e-8  # Largest relative residual, in energy, that dsfab does not report.
 RESIDUAL = 1e-6
 """Largest accepted relative residual, and largest relative error of a compliance that the residual may cause.
-The limit is far below the error of the elements. Rounding errors reach 1e-8 on very thin triangles. They depend on the
-number of threads, so the limit is far above them."""
+The limit is far below the error of the elements. It is also far above rounding errors, which reach 1e-8 on very thin
+triangles and depend on the number of threads."""
 LARGEST_MOVE = 0.1  # Largest displacement for linear statics, divided by the longest side of the box.
 AT_ONE_VERTEX = 0.95  # Largest accepted fraction of the reactions at one vertex.
 FEW_VERTICES = 3  # Smallest recommended number of vertices of a loaded support.
@@ -24,7 +24,7 @@ SOME_REACTION = 0.05  # A support is loaded if it takes more than this fraction 
 FAR_FROM_SURFACE = 0.25  # Largest distance of a point support or load from its vertex, in surface sizes.
 LEAST_LOAD_SHARE = 1e-3  # Smallest force of snow or wind that counts, divided by pressure times area.
 MOST_TRIANGLES = 4_000_000  # Largest number of triangles of a mesh.
-SAME_PHASE = 2.0**-30  # Largest difference of equal phases or equal offsets, periods.
+SAME_PHASE = 2.0**-30  # Phases or offsets count as equal if they differ by at most this value, periods.
 POSSIBLE_SIZE = (1e-9, 1e9)  # Allowed sizes of a surface, metres; products of other numbers overflow.
 USUAL_SIZE = (0.01, 1e3)  # Usual sizes of a surface, metres. For others dsfab asks about the unit.
 CONVERGED = 0.02  # Largest relative error bound of a computed compliance.
@@ -32,8 +32,8 @@ FACETS = 0.2
 """Largest L^2 / (R h) of a mesh without a warning: edge length L, radius of curvature R, thickness h.
 At 0.2, flat facets change the compliance of a curved sheet by 1 %, and its largest stress by up to 20 %."""
 SLIT = 0.25  # Half width of members, in periods, at which members and openings have the same width.
-CROWDING = 1.25  # Largest width of crowded members, divided by the median width; both in periods.
-FILM = 0.05  # A solid counts as a film where it is thinner than this fraction of the sheet's thickness.
+CROWDING = 1.25  # Largest width of members in dense places, divided by the median width; both in periods.
+FILM = 0.05  # Smallest thickness of a solid, divided by the sheet's thickness; a thinner place is a film.
 OUTLINE = 1 / 40  # Default tolerance of lines and planar outlines, divided by the thickness.
 OFF_SURFACE = 1 / 20
 """Default limit for the distance between the solid in a file and the solid of the design, divided by the thickness.

@@ -66,12 +66,12 @@ _ALL = (
     ),
     NamedMaterial(
         *("CLT", 5.5e9, 0.1, 420.0, 4.6e6, 5e-6),
-        says="tension along the boards 14.5 MPa / 2 x 0.8 / 1.25: half of the layers run each way, also for young",
+        says="tension along the boards 14.5 MPa / 2 x 0.8 / 1.25; / 2, also for young: half of the layers run across",
         source="C24 of EN 338; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
     ),
     NamedMaterial(
         *("plywood", 8.75e9, 0.1, 680.0, 25e6, 5e-6),
-        says="tension 37.5 MPa x 0.8 / 1.2, the mean along and across",
+        says="tension 37.5 MPa x 0.8 / 1.2, the mean of the values along and across the grain",
         source="birch, Handbook of Finnish Plywood; factors EN 1995-1-1; expansion as timber; Poisson's ratio assumed",
     ),
     NamedMaterial(
@@ -81,18 +81,18 @@ _ALL = (
     ),
     NamedMaterial(
         *("concrete C30/37", 33e9, 0.2, 2500.0, 20e6, 10e-6),
-        says="compression 30 MPa / 1.5; tension is for the reinforcement",
+        says="compression 30 MPa / 1.5; reinforcement carries the tension",
         source="EN 1992-1-1, 3.1 and table 3.1, uncracked; reinforced, density EN 1991-1-1",
     ),
     NamedMaterial(
         *("GFRP", 17e9, 0.23, 1800.0, 57e6, 10e-6),
         says="tension along the profile 170 MPa / 3; across it 30 MPa / 3, and young is 5 GPa",
-        source="E17 of EN 13706-3; factor of the EUROCOMP design code's order; the others of makers' sheets",
+        source="E17 of EN 13706-3; factor as large as in the EUROCOMP design code; other values from makers' data",
     ),
     NamedMaterial(
         *("PLA", 3.5e9, 0.36, 1240.0, 20e6, 68e-6),
-        says="tension 50 MPa / 2.5 for printed layers and creep; no standard gives it",
-        source="Farah, Anderson and Langer 2016; makers' sheets",
+        says="tension 50 MPa / 2.5; the factor for printed layers and creep is from no standard",
+        source="Farah, Anderson and Langer 2016; manufacturers' data sheets",
     ),
 )
 MATERIALS = {material.name: material for material in _ALL}  # Materials by name.
@@ -119,13 +119,13 @@ _STOCK = (
     ),
     (
         *("LVL 48 P", "21 24 27 30 33 39 45 51 57 63 69 75 90 102 114 126 138 150 189 225 300"),
-        "makers' sheets up to 75 mm, then panels glued from two to four of them",
+        "panels of manufacturers up to 75 mm; two to four panels are glued for more",
     ),
-    ("CLT", "60 80 90 100 120 140 160 180 200 220 240 260 280 300 320", "makers' panels of 3 to 8 layers"),
+    ("CLT", "60 80 90 100 120 140 160 180 200 220 240 260 280 300 320", "panels of manufacturers, 3 to 8 layers"),
     ("plywood", "4 6.5 9 12 15 18 21 24 27 30 35 40 45 50", "birch plywood, Handbook of Finnish Plywood"),
     ("aluminium 6082", "2 3 4 5 6 8 10 12 15 20 25 30 35 40 50 60 80 100", "plates of EN 485"),
     ("concrete C30/37", "40 50 60 70 80 90 100 110 120 140 160 180 200 220 240 270 300 350 400", "steps of a formwork"),
-    ("GFRP", "3 5 6 8 10 12 15 20 25 30 40", "pultruded plates of makers, also glued in pairs"),
+    ("GFRP", "3 5 6 8 10 12 15 20 25 30 40", "pultruded plates of manufacturers, single or two glued together"),
     ("PLA", "0.8 1 1.2 1.6 2 2.4 3 4 5 6 8 10 12 14 16 20 24 30", "whole layers of 0.2 mm of a printer"),
 )
 STOCK = {

@@ -29,7 +29,7 @@ def count_phrase(number: int, thing: str, verb: str = "") -> str:
 
 
 def stopping_clause(count: int) -> str:
-    """Return the start of a clause about bars that are too short, because they would collide with others."""
+    """Return the text 'stops before its ends, where it would run into', in the plural for several bars."""
     ends = "stops before its ends, where it" if count == 1 else "stop before their ends, where they"
     return f"{ends} would run into"
 
@@ -73,7 +73,7 @@ def length(metres: float) -> str:
 
 
 MEANINGFUL_FACTOR = 1000.0
-"""Largest factor on a load that reports show; at larger factors, the compression is only rounding or a side effect."""
+"""Largest load factor that reports show. Larger buckling factors come from rounding or from negligible compression."""
 
 
 def load_factor(factor: float) -> str:

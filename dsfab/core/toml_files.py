@@ -40,9 +40,9 @@ def toml_table(text: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise TomlError(str(error)) from None
     except RecursionError:
-        raise TomlError("its tables are nested too deeply") from None
+        raise TomlError("the tables are nested too deeply") from None
     except ValueError:
-        raise TomlError("a number in it has too many digits") from None
+        raise TomlError("a number has too many digits") from None
 
 
 def _depth_is_over(values: dict[str, Any], limit: int) -> bool:

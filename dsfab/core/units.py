@@ -15,7 +15,7 @@ UNIT_WORDS: dict[str, str] = {
     "inch": "in", "inches": "in", "foot": "ft", "feet": "ft", "yard": "yd", "yards": "yd", "micron": "um",
     "microns": "um", "us survey foot": "us-ft", "us survey feet": "us-ft", "ussurveyfeet": "us-ft",
 }  # fmt: skip
-"""The unit for each word that a file may use for it, in lower case."""
+"""Unit for each word that names it in a file, such as m for "metres"; words are in lower case."""
 
 MM_PER_M = 1e3  # Exported files are in millimetres.
 GRAVITY = 9.80665  # Standard acceleration of gravity, m/s^2 (CGPM 1901).

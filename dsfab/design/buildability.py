@@ -98,7 +98,7 @@ def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseRes
     holding = " and ".join(name for name, support in names if support.at.vertices(surface)[vertex])
     return Objection(
         f"{least[vertex]:.0%} of the reaction is on one vertex, at {point_words(surface.V[vertex])} ({holding}), and a "
-        "sheet cannot stand on a point: let the support pick a region there, with a ball or a depth"
+        "sheet cannot stand on a point: support a region there, with the picker `ball` or a larger depth"
     )
 
 
@@ -110,13 +110,13 @@ def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
             count = "1 vertex" if entry.vertices == 1 else f"{entry.vertices} vertices"
             yield Objection(
                 f"{entry.name} holds only {count}, at {point_words(entry.place)}, and carries up to {share:.0%} of the "
-                "reaction: the stress there depends on the mesh; let the support pick a region, with a ball or a depth",
+                "reaction: the stress there depends on the mesh; support a region, with the picker `ball` or a depth",
                 refuses=False,
             )
 
 
 def _past_faces(acting: Acting, surface: Surface, weight: float) -> Iterator[Objection]:
-    """Yield an objection to snow or wind that is almost parallel to all of its faces, for example snow on a wall."""
+    """Yield an objection to snow or wind that is almost parallel to all loaded faces, for example snow on a wall."""
     climate = [load for load in acting.load if isinstance(load, Snow | Wind)]
     for load, entry in zip(climate, load_entries(surface, climate, weight), strict=True):
         if entry.total < LEAST_LOAD_SHARE * load.pressure * entry.area:

@@ -101,7 +101,7 @@ class StageResults:
         return self.inputs.get(name, ("", None))[1]
 
     def of_stages(self, stages: Sequence[str]) -> "StageResults":
-        """Return the results and derived values of these stages, for a revision."""
+        """Return a copy with the results and derived values of these stages only, for a changed design."""
         names = [name for stage in stages for name in RESULT_NAMES.get(stage, (stage,)) if name in self.results]
         derived = {name: held for name, held in self.derived.items() if held[0] in stages}
         return StageResults({name: self.results[name] for name in names}, derived)
@@ -294,7 +294,7 @@ class Design:
     def _slicing(self) -> SlicingResult:
         require_buildable(self.preset, self.statics)
         result = slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
-        if self.pattern.trial is not None:  # the trial is large, and later stages do not need it
+        if self.pattern.trial is not None:  # the trial cut is large, and later stages do not need it
             self._results.replace("pattern", replace(self.pattern, trial=None))
         return result
 
@@ -395,7 +395,7 @@ class Design:
 
     @property
     def cut_loads(self) -> dict[str, LoadCase]:
-        """Loads that the pattern follows, on the cut sheet, by name. Raises StaticsError if one has no support."""
+        """Loads that the pattern follows, on the cut sheet, by name. Raises StaticsError if a load has no support."""
         return self._loads_on_sheet(self.preset.followed_weights)
 
     def _loads_on_sheet(self, names: Iterable[str]) -> dict[str, LoadCase]:
@@ -440,7 +440,7 @@ def summary_lines(design: Design) -> Iterator[str]:
         pieces = "1 piece" if solid.pieces == 1 else f"{solid.pieces} pieces"
         yield f"  solid    {mass(design.mass)}, {solid.volume:.4g} m3, {pieces}, {len(solid.F):,} triangles"
     if not design.has("thickening"):
-        yield "  dsfab runs all other stages on first access"
+        yield "  all other results are computed on first access"
 
 
 def run(preset: Preset, progress: Progress | None = None) -> Design:

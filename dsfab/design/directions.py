@@ -91,19 +91,19 @@ def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> D
 
 def _unclear_direction_message(share: float, labelling: Labelling) -> str:
     alike = "as large" if labelling == "magnitude" else "nearly the same"
-    hint = ', or labelling = "signed" where tension and compression are' if labelling == "magnitude" else ""
+    hint = ', and labelling = "signed" separates tension from compression' if labelling == "magnitude" else ""
     return (
-        f"{share:.0%} of the surface has no clear stress direction, because both principal stresses are {alike}: "
-        f"stripes run as in the parts around; diffusion.isotropy = 0 follows the smallest difference{hint}"
+        f"{share:.0%} of the surface has no clear stress direction, because one principal stress is {alike} as the "
+        f"other: there stripes continue nearby directions; diffusion.isotropy = 0 follows any difference{hint}"
     )
 
 
 @dataclass(frozen=True, eq=False)
 class Steering:
     """Changes of stripe directions by the user.
-    turn     : rotation from the stress, radians.    guidance : guides.
-    symmetry : symmetry of the changed directions.   told     : a note, or ''.
-    loops    : small closed lines of supports."""
+    turn     : rotation of stripes from the stress, radians.    guidance : guides.
+    symmetry : symmetry of the changed directions.              told     : a note for the user, or ''.
+    loops    : small loops of the boundary that are supported; each will get a guide around it."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -117,24 +117,24 @@ class Steering:
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return how clear the direction is on each face (m,), 0 to 1. stress : (m,) these values without guides."""
+        """Return how clear the stripe direction is on each face (m,), 0 to 1. stress : (m,) the same without guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
         return np.asarray(sum((guide.weight for guide in self.guidance), np.zeros(surface.n))[surface.F].mean(axis=1))
 
     def outcome(self, surface: Surface, along: Floats, directions: StressDirections, over: Bools) -> StripeSteering:
-        """Return a record of the changes.
+        """Return a record of the changes of stripe directions.
         along : (n, 3) final directions of the major stripes.
-        over  : (n,) mask of vertices where the two families exchange their names, see `family_crossings`."""
+        over  : (n,) mask of vertices where major stripes follow the second principal stress (`family_crossings`)."""
         cosines = (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) for k in (0, 1))
         first_share, second_share = ((cosine**2).sum(axis=1) for cosine in cosines)
         crossed = over[surface.F].mean(axis=1) > 0.5
         messages = [self.told] * bool(self.told)
         if share := float(surface.areas @ crossed) / surface.area:
             messages.append(
-                f"the larger principal stress changes its direction: on {share:.0%} of the surface members change "
-                "their family, so that none ends there"
+                f"the larger principal stress changes its direction: on {share:.0%} of the surface, members change "
+                "their family, so that no member ends at this change"
             )
         along_one = first_share / np.maximum(first_share + second_share, np.finfo(float).tiny)
         return StripeSteering(along_one, self.guide_weights(surface), crossed, "; ".join(messages))
@@ -160,14 +160,14 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
         causes = [f"rotate = {options.rotate:g}"] * (not turned.all()) + ["guides"] * (not guided.all())
         if causes:
             message = (
-                f"surface, supports and loads have a symmetry of {symmetry.order} images, the pattern of "
+                f"surface, supports and loads have a symmetry of {symmetry.order} images, but the pattern has only "
                 f"{remaining_order}, because of {' and '.join(causes)}"
             )
     return Steering(float(np.radians(options.rotate)), guidance, group, message)
 
 
 def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
-    """Return True for each image (g,) of the symmetry that keeps the sense of rotation on over 90 % of the area."""
+    """Return (g,) True for each mirror or rotation that keeps the sense of rotation on over 90 % of the area."""
     normal = surface.normals
     agree = [
         np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0
@@ -191,7 +191,7 @@ def keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, .
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the symmetry of the selected images, and their number; None and 1 if they form no group of two or more."""
+    """Return the group of the selected mirrors and rotations, and its order; None and 1 if they form no group."""
     R = symmetry.R[selected]
     maps = tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):

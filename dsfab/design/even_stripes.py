@@ -80,7 +80,7 @@ class StripeDirections:
 
     @classmethod
     def from_statics(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
-        """Return the directions of a preset. spacings : metres, of each drawn family."""
+        """Return the directions of a preset. spacings : spacing of each drawn family, metres."""
         symmetry = _symmetry(preset, surface, statics)
         sigma = followed_stress(preset, surface, statics)
         stress = StressDirections(*principal_stresses(surface, symmetry.mean_stress(sigma) if symmetry else sigma))
@@ -121,7 +121,7 @@ class StripeDirections:
 def _member_message(line: GuideLine, share: float, across: bool) -> str:
     key = f"pattern.guide.{line.number}"
     other_family = FAMILIES[1 - FAMILIES.index(line.family)]
-    hint = f"; the {other_family} family follows this curve by itself: family = '{other_family}' bends less"
+    hint = f"; the {other_family} family already runs along this curve: family = '{other_family}' bends members less"
     hint = hint if across else ""
     if share >= 0.995:  # a few points of the curve may lie outside the member
         return f"a {line.family} member runs on the curve of {key}{hint}"
@@ -134,9 +134,9 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
 def stripe_directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
-    """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of exchanged families.
-    At exchanged vertices, major stripes follow the minor principal stress. So members run straight on where the
-    direction of the larger stress changes by 90 degrees."""
+    """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of vertices where the
+    families exchange their names. There major stripes follow the minor principal stress. So members keep their
+    direction where the direction of the larger stress changes by 90 degrees."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         guidance = steer.with_loops(frames, stress).guidance
@@ -155,7 +155,7 @@ def stripe_directions(
 
 
 def _region_areas(frames: Frames, crossed: Bools) -> Floats:
-    """Return for each vertex (n,) the area (m2) of its region; inside a region the families do not exchange names."""
+    """Return for each vertex (n,) the area (m2) of its region, in which `crossed` is constant."""
     surface, (i, j) = frames.surface, frames.ends.T
     inside = crossed[i] == crossed[j]
     count, region = link_components(surface.n, i[inside], j[inside])
@@ -169,7 +169,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) of vertices where families exchange names; none with guides or if symmetric images differ."""
+    """Return a mask (n,) of vertices where families exchange names; empty with guides or if symmetric images differ."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -190,7 +190,7 @@ class FamilyCourse:
 
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
-        """Return the data of the family `name`. The weights `start` are the fourth power of the stress."""
+        """Return the course of the family `name`. The vertices' weights `start` are the stress to the fourth power."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -200,7 +200,7 @@ class FamilyCourse:
 
     @property
     def without_halving(self) -> Self:
-        """The same data without halving, so that no line ends early."""
+        """The same family without halving: no line ends early on a crossing member."""
         return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
 
     def lines(self, spacing: float) -> FamilyLines:
@@ -209,7 +209,7 @@ class FamilyCourse:
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**halvings)  # so each closed curve crosses a whole number of lines
+        coarse = Flow(frames, self.g, finest / 2**halvings)  # a closed curve crosses a multiple of 2**halvings lines
         locked_to_guides, aim = guide_phases(self.members, frames, self.g, coarse.density)
         lock = locked_to_guides | boundary_lines(surface, self.g, spacing)
         conditions = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
@@ -263,8 +263,8 @@ def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """Return statics in which the pattern follows the stresses of the stiffest sheet of varying thickness.
-    The stresses are the forces in that sheet divided by the preset's thickness. Raises PatternError if the sheet bends.
+    """Return statics in which the pattern follows optimal forces: those in the stiffest sheet of varying thickness.
+    The stresses are the optimal forces divided by the preset's thickness. Raises PatternError if the sheet bends.
     """
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
@@ -283,8 +283,8 @@ FINEST = 0.5  # Smallest spacing of stripes, divided by the mean edge length.
 
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
-    """Return True if two [pattern] sections give the same centre lines. Only widths, kept regions and keys for stripes
-    on modes may differ. If the stripes follow their own weight (`rounds`), nothing may differ."""
+    """Return True if two [pattern] sections give the same centre lines. Widths, kept regions, and keys that only change
+    stripes on modes may differ. With `rounds`, stripes depend on their own weight, so nothing may differ."""
     if current.rounds:
         return earlier == current
 
@@ -323,7 +323,7 @@ def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
     """Return both families of lines. A family is computed again if its mean spacing differs by over 5 % from the
-    requested one (m). If the difference is still over 30 %, the family is computed without halving."""
+    requested one (m). If the difference is still over 30 %, no line of this family ends early on a crossing member."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -376,7 +376,7 @@ def _digits(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
-    """Both families after halving.
+    """Both families of lines after halving, which ends crowded lines on crossing members.
     density : (n, 2) remaining lines per metre at each vertex, for each family; the mean of all symmetric images."""
 
     both: tuple[FamilyLines, FamilyLines]

@@ -54,7 +54,7 @@ def eurocode_rules(preset: Preset, cases: tuple[str, ...]) -> "Rules":
 def _load_description(preset: Preset, cases: tuple[str, ...]) -> str:
     judged = preset.judged_in("ULS", cases)
     if preset.surface.sums:
-        return f"Checked in {len(judged)} cases and combinations, with the factors in the preset."
+        return f"Members are checked in {len(judged)} cases and combinations, with the factors in the preset."
     return "Loads are those of the preset without partial factors: it has no combinations (surface.combinations)."
 
 
@@ -149,7 +149,7 @@ def beam_model(
 def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
-    """Compare the beams with the cut sheet in each case. The ribs of this sheet have the torsional stiffness of bars.
+    """Compare the beams with the cut sheet in each case. Here ribs of the sheet have the torsional stiffness of beams.
     Raises StaticsError if the supports do not hold the beams or the sheet."""
     from dsfab.members.frame import agreement, solve_frame
 
@@ -169,7 +169,7 @@ def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
     """Return two results: for ribs with the torsional stiffness of a sheet, and for ribs with that of bars. They are
-    equal if the sheet is loaded in its plane, or if its ribs are too narrow for bars."""
+    equal if the sheet is loaded in its plane, or if the solve with bars fails."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:

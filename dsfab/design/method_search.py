@@ -37,7 +37,7 @@ is fine enough."""
 @dataclass(frozen=True, eq=False)
 class MethodCandidate:
     """A pattern method, with the results of its trial.
-    preset  : preset without `auto`.                   choice  : modes and phases that were `auto`, best first.
+    preset  : preset with chosen values for `auto`.    choice  : tried modes and phases, best first, or None.
     even    : evenly spaced stripes; None for modes.   sheet   : sheet after the cut; None if the trial failed.
     grading : (n, f) relative half-width of f families at n vertices; None without the rule `stressed`.
     notes   : notes for the design.                    drawn   : stripes of the built design, or None."""
@@ -69,7 +69,7 @@ def stressed_candidates(
         if not stiffest:
             continue
         words = stiffest.attempt.name.partition(",")[0]
-        log.report("pattern", f"trying {words}, stressed: cutting and solving")
+        log.report("pattern", f"trying {words} with the width rule stressed: cutting and solving")
         width = preset.pattern.width.model_copy(update={"rule": "stressed"})
         variant_preset = stiffest.preset.with_pattern(width=width)
         scratch, choice = replace(log, notes=[]), stiffest.choice
@@ -83,7 +83,7 @@ def stressed_candidates(
 def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes, now along the forces of the stiffest sheet of varying thickness.
+    """Yield the best evenly spaced stripes, drawn again along the forces of the stiffest sheet of varying thickness.
     Yield nothing if the width rule must not change, if the user sets directions, or if the pattern follows bending."""
     options = preset.pattern
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
@@ -106,7 +106,7 @@ def optimal_force_candidates(
 def respaced_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes with larger and smaller spacings, with and without halving.
+    """Yield the best evenly spaced stripes with larger and smaller spacings. With `halve`, crowded stripes end early.
     Yield nothing if there is no solid fraction, or if the preset sets the spacings."""
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not preset.pattern.width.solid_fraction:
@@ -123,7 +123,7 @@ def respaced_candidates(
             except DsfabError as error:
                 yield MethodCandidate(variant_preset, Attempt(words, refused=str(error)))
                 continue
-            if any(even.wanted) or not halve:  # if halving ends no line, the stripes are the same
+            if any(even.wanted) or not halve:  # if no stripe ends early, `halve` changes nothing
                 variant = MethodCandidate(variant_preset, Attempt(words), None, even)
                 yield _with_worth(variant, analysis, replace(log, notes=[]))
 
@@ -142,7 +142,7 @@ def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple
 
 
 def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) -> MethodCandidate:
-    """Return a candidate, cut completely with the defaults of [slicing], and solved with the elements of trials."""
+    """Return a candidate, cut completely with defaults of [slicing], and solved with the finite elements of trials."""
     preset = candidate.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, analysis, candidate.even), Log(None)
     try:
@@ -162,8 +162,8 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
-    """Return a candidate. If its filled openings form a solid plate, try `uncrowded_changes` of [pattern], and return
-    the best candidate.
+    """Return a candidate. If its filled openings form a solid plate, try other values of [pattern], and return the
+    best candidate (see `uncrowded_changes`).
     draw : function that returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
@@ -186,7 +186,7 @@ def uncrowded_candidate(
     outcome = f"dsfab took {selected.attempt.name} instead"
     if selected is candidates[0]:
         selected, outcome = candidate, "no other pattern is better"
-    note = Note("pattern", f"{plate.message}: {outcome}; compliance over that of the uncut sheet: {listed}")
+    note = Note("pattern", f"{plate.message}: {outcome}; compliance relative to the uncut sheet: {listed}")
     return replace(selected, preset=selected.preset.with_pattern(crowding="note"), notes=(*selected.notes, note))
 
 
@@ -208,9 +208,9 @@ def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[di
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:
-    """Return the methods to try, as pairs (name, True with halving)."""
+    """Return the methods to try, as pairs (name, True if crowded stripes end early on crossing members)."""
     halved = [("stripes", True)] if preset.pattern.may_halve else []
-    modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # modes follow no guides
+    modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # guides cannot steer modes
     return [*halved, ("stripes", False), *modes]
 
 
@@ -223,7 +223,7 @@ def method_candidates(
     if method == "modes":
         variant_preset = variant_preset.with_pattern(forces="uncut")
     if method == "modes" and preset.pattern.tidy is None and preset.pattern.families == "both":
-        variant_preset = variant_preset.with_pattern(tidy=True)  # modes leave loose ends
+        variant_preset = variant_preset.with_pattern(tidy=True)  # stripes on modes have loose ends
     log.report("pattern", f"trying {title}: cutting and solving")
     scratch = replace(log, notes=[])
     try:
@@ -259,8 +259,8 @@ def _with_quality(
     cells: Sheet,
     sheet: Sheet,
 ) -> MethodCandidate:
-    """Return a candidate with its sheet, and with the number of dead ends and slits of this sheet.
-    worth : compliance (J), its ratio to that of the uncut sheet, and the share of material."""
+    """Return a candidate with its sheet, and with the number of dead ends and narrow openings (slits) of this sheet.
+    worth : compliance (J), compliance divided by that of the uncut sheet, and share of material."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
     attempt = Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits)
@@ -272,8 +272,8 @@ def _exchangeable(width: Width) -> bool:
 
 
 def _width_variants(width: Width) -> dict[str, Width]:
-    """Return width rules to try, by name. The third rule is `graded` with half of the power q, because members that
-    carry their weight need smaller differences of width."""
+    """Return width rules to try, by name. The third rule is `graded` with half of the exponent q, because smaller
+    differences of width suit structures that mainly carry their own weight."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -307,7 +307,7 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
         )
     log.notes.extend(stiffest.notes)
     listed = "; ".join(_attempt_description(candidate.attempt) for candidate in candidates)
-    log.note("pattern", f"method auto chose {stiffest.attempt.name}; compliance over that of the uncut sheet: {listed}")
+    log.note("pattern", f"method auto chose {stiffest.attempt.name}; compliance relative to the uncut sheet: {listed}")
     return stiffest, tuple(candidate.attempt for candidate in ranked)
 
 
@@ -326,7 +326,7 @@ def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSur
 
 
 def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates, best first. Accurate elements order those with equal flaws and nearly equal stiffness."""
+    """Return candidates, best first. If flaws are equal and stiffness is nearly equal, accurate elements decide."""
     ranked = sorted(candidates, key=lambda candidate: candidate.attempt.rank)
     *flaws, soft = ranked[0].attempt.rank
     near_best = [candidate for candidate in ranked if candidate.sheet and list(candidate.attempt.rank[:-1]) == flaws]

@@ -53,7 +53,7 @@ class TrialResult(NamedTuple):
 
 
 class Trial:
-    """Trials on one surface: patterns are cut and solved. even : evenly spaced stripes in place of modes."""
+    """Trials on one surface: each pattern is cut and solved. even : evenly spaced stripes; None for modes."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         self.preset, self.given, self.surface, self.even = preset, analysis, analysis.surface, even
@@ -75,7 +75,7 @@ class Trial:
             return Candidate(mode, phase, refused=str(error))
 
     def result(self, preset: Preset, grading: Floats | None = None) -> TrialResult:
-        """Cut and solve the modes or stripes of a preset. Raises DsfabError if the sheet does not carry the loads.
+        """Cut and solve the pattern of a preset. Raises DsfabError if the sheet does not carry the loads.
         grading : (n, f) relative half-widths of f families at n vertices, see `drawable_families`."""
         options = preset.pattern
         families, layers = self._layers(preset, grading)
@@ -88,7 +88,7 @@ class Trial:
         return TrialResult(candidate, pattern, carrying.sheet, carrying.cells)
 
     def carrying(self, layers: Sequence[Layer]) -> "CarryingSheet":
-        """Cut layers and return the sheet. Raises DsfabError if the sheet does not carry the loads."""
+        """Cut the surface along `layers`; return the sheet. Raises DsfabError if the sheet does not carry the loads."""
         surface = self.surface
         tidy = tidy_of(self.preset, self.given, layers)
         fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
@@ -136,7 +136,7 @@ LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
 
 
 class WidthStep(NamedTuple):
-    """A step: compliance (J) times share of the surface (`worth`), half-widths, and half-widths for the next step."""
+    """Step of the rule `stressed`: `worth` is compliance (J) times share of material, `after` the next half-widths."""
 
     worth: float
     grading: Floats
@@ -155,21 +155,21 @@ def stressed_step(
     stiffest = min(steps, key=lambda step: step.worth)
     log.note(
         "pattern",
-        f"width rule stressed: after {len(steps)} steps {1 - stiffest.worth / steps[0].worth:.0%} less compliance "
-        "than with graded widths",
+        f"with the width rule 'stressed', after {len(steps)} steps, the sheet has "
+        f"{1 - stiffest.worth / steps[0].worth:.0%} less compliance than with graded widths",
     )
     return stiffest.grading
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the choice, sorted again: modes and phases that are stiffest with stressed widths come first.
-    Stressed widths are computed for the best three pairs of modes and for the lowest pair."""
+    """Return the choice, sorted again: modes and phases that are stiffest with the width rule `stressed` come first.
+    The rule is tried for the best three pairs of modes and for the pair with the lowest mode numbers."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
     carry = {mode: candidate for mode, candidate in leading.items() if not candidate.refused}
     finalists = list(carry.values())[:3]
-    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # the lowest pair may gain most
+    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # stressed widths may help the lowest pair most
     if len(finalists) < 2:
         return choice
 
@@ -192,18 +192,18 @@ def _steps(trial: "StressedTrial", log: Log) -> list[WidthStep]:
     with log.row("widths"):
         grading = trial.start
         for number in range(trial.preset.pattern.width.steps):
-            log.report("pattern", f"width rule stressed, step {number + 1}: cutting and solving")
+            log.report("pattern", f"step {number + 1} of the width rule 'stressed': cutting and solving")
             try:
                 steps.append(trial.step(grading))
             except DsfabError as error:
-                log.note("pattern", f"width rule stressed ended before step {number + 1}: {error}")
+                log.note("pattern", f"the width rule 'stressed' ended before step {number + 1}: {error}")
                 break
             grading = steps[-1].after
     return steps
 
 
 class StressedTrial(Trial):
-    """Trials of widths with fixed modes and phases."""
+    """Trials of widths of members, for stripes whose modes and phases do not change."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         super().__init__(preset, analysis, even)
@@ -222,7 +222,7 @@ class StressedTrial(Trial):
         carrying = self.carrying(layers)
         options = self.preset.pattern
         requested = options.width.solid_fraction
-        if options.forces == "optimal":  # because `_share` includes ends that are removed later
+        if options.forces == "optimal":  # a correction: `_share` includes ends that are removed later
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
@@ -249,14 +249,14 @@ class StressedTrial(Trial):
 
 
 START = (0.25, 0.0, 0.5, 0.75)
-"""Phases of the first round if the search chooses both modes; both families have the same phase. All four phases are
-tried for pairs with mode 1, else only the first phase, because higher modes hardly depend on the phase."""
+"""Phases of the first round if the search chooses the modes of both families, which then have the same phase. All four
+phases are tried if a family has mode 1, else only the first phase, because higher modes hardly depend on the phase."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, in all combinations: the first list if the search chooses no mode, else the second."""
-TOGETHER = ((1, 1), (-1, -1))  # Changes of both phases, in steps.
-AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of one or both phases.
+"""Phases of the first round, in all combinations: the first list if the preset sets both modes, else the second."""
+TOGETHER = ((1, 1), (-1, -1))  # Equal changes of the phases of both families, in steps of `ROUNDS`.
+AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of the phase of one family, or of both families.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
-"""Later rounds: the number of best pairs of modes to change, the step of phases (periods), and the changes to try."""
+"""Later rounds of the search: number of best pairs of modes, step of their phases (periods), and changes to try."""
 CONNECTED_SHARE = 0.98
 """Smallest share of the material in the largest supported piece. Designs below it come last in the search."""
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases of both families.
@@ -283,8 +283,8 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     stiffest = ranked[0]
     if stiffest.refused:
         raise PatternError(
-            f"none of {refused} modes and phases carries the loads; the first: {stiffest.refused}; set pattern.rim, "
-            "increase pattern.keep or pattern.width.solid_fraction, or choose other frequencies"
+            f"none of {refused} modes and phases carries the loads; for the first pair, {stiffest.refused}; set "
+            "pattern.rim, increase pattern.keep or pattern.width.solid_fraction, or choose other frequencies"
         )
     log.note(
         "pattern",
@@ -324,7 +324,7 @@ def _search_rounds(
         for candidate in sorted(candidates.values(), key=_rank):
             leading.setdefault(candidate.mode, candidate)
         finalists = list(leading.values())[:count]
-        if count > 1:  # phases matter most for the lowest pair
+        if count > 1:  # phases matter most for the pair with the lowest mode numbers
             finalists = list(dict.fromkeys([*finalists[:-1], leading[min(leading)]]))
         yield [
             (finalist.mode, _moved_phase(finalist.phase, (a * open_phase[0], b * open_phase[1]), step))

@@ -64,11 +64,11 @@ def measured_pattern(
     followed = followed_directions(design)
     try:
         confidence = followed.confidence(design.surface.areas)
-    except PatternError:  # no stress
+    except PatternError:  # the stress is zero everywhere
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
     steered = design.pattern.even.steered if design.pattern.even else None
-    guided = steered.guided[parent] > 0.1 if steered else None  # guides with a smaller weight do not count
+    guided = steered.guided[parent] > 0.1 if steered else None  # guides of a lower weight do not count
     columns = followed.stress[parent], followed.direction[parent], confidence[parent]
     quality = pattern_quality(stripes, *columns, guided=guided)
     major, minor = (role.title for role in roles_of_families(design))
@@ -124,7 +124,7 @@ def stripes_on_chart(design: PatternedDesign) -> StripeChart:
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
-    """Return the surface as a chart. Its phases at vertices (n, 2) are frequency times mode x, plus the phase."""
+    """Return the surface with the phases of modes. At vertices (n, 2), they are frequency times mode x, plus phase."""
     modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
     x = np.stack([family.mode(number) for family, number in modes], axis=1)
     z = x * np.array(pattern.frequency) + np.array(pattern.phase)
@@ -144,7 +144,7 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return the stresses along both families, and their directions. For rotated stripes, stresses have no sign."""
+    """Return the stresses along both families, and their directions. With `rotate`, stresses are absolute values."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
@@ -162,8 +162,8 @@ def followed_directions(design: PatternedDesign) -> StressDirections:
 
 
 def roles_of_families(design: PatternedDesign) -> tuple[FamilyRole, FamilyRole]:
-    """Return the roles of the major and the minor family.
-    They are unknown if the stripes are rotated, or if several load cases give the stress."""
+    """Return the roles of the major and the minor family, such as arches or hoops.
+    The roles are unknown if `rotate` turns the stripes, or if the pattern follows several load cases."""
     if design.preset.pattern.rotate or design.preset.combines:
         return FamilyRole("major"), FamilyRole("minor")
     return family_roles(design.surface, followed_directions(design))
@@ -207,7 +207,7 @@ def _asymmetric_share(
 ) -> float:
     """Return the share of the area where material differs from its symmetric image, for the worst image.
     surface  : uncut surface; its centroid is the centre of rotations and mirrors.
-    faces    : chart or cells with sample points. The points stand for equal areas, and form no rows.
+    faces    : faces with sample points. Each point stands for the same area. The points are in an irregular order.
     material : function of points (p, 3); returns True (p,) if the nearest place on the faces is material.
     samples  : approximate number of points times number of images."""
     centre = centroid(surface)
@@ -253,10 +253,10 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
 
 
 def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
-    """Return the largest solid plate in which members of a single family touch outside kept regions, or None.
-    The number of its filled openings is about its area divided by the square of the spacing."""
+    """Return the largest solid plate of touching members, outside kept regions; None if there is no such plate, or if
+    both families are drawn. Its area divided by the square of the spacing gives its number of filled openings."""
     if options.families == "both":
-        return None  # with two families, `largest_filling` finds plates
+        return None  # plates of two families are found by `largest_filling`
     touch = pattern.half_width(options.families) >= SOLID
     layers = map(Layer, pattern.names, pattern.fields, pattern.levels, pattern.half_widths)
     kept_layers = [layer for layer in layers if layer.name not in FAMILIES]

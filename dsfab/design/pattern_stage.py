@@ -1,4 +1,4 @@
-"""Stage 4: the pattern of a preset; its directions may be computed again with only the weight of the stripes."""
+"""Stage 4: the pattern of a preset. Its directions can follow the weight of the stripes, not of the uncut sheet."""
 
 from dataclasses import replace
 from functools import partial
@@ -48,9 +48,9 @@ def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log
         mean_turn, largest_turn = direction_change(surface, *stresses)
         log.note(
             "pattern",
-            f"directions follow {share @ surface.areas / surface.area:.0%} of the uncut sheet's weight, that of the "
-            f"stripes: they turned by {mean_turn:.2g} degrees on average, by at most {largest_turn:.2g} on 95 % "
-            "of the surface",
+            f"directions follow the weight of the stripes, {share @ surface.areas / surface.area:.0%} of the uncut "
+            f"sheet's weight: directions turned by {mean_turn:.2g} degrees on average, by at most "
+            f"{largest_turn:.2g} on 95 % of the surface",
         )
     return even
 
@@ -71,9 +71,9 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 
 
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """Return `statics`, solved again for the followed cases with only a share (m,) of each face's weight."""
+    """Return `statics`, solved again with a share (m,) of each face's weight, for cases that the pattern follows."""
     layered = any(case.layered is not None for case in statics.cases.values())
-    follow = "layers" if layered else "membrane"  # the same kind of stress as in `statics`
+    follow = "layers" if layered else "membrane"  # the pattern follows the same kind of stress as in `statics`
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
     acting = [_lighter_loading(loading, surface, share) for loading in loadings(preset, surface)]
     lighter_cases = statics_step(preset.model_copy(update={"statics": section}), surface, Log(None), acting).cases
@@ -118,7 +118,7 @@ class EarlierStripes(NamedTuple):
 
 
 class ChosenMethod(NamedTuple):
-    """The chosen candidate for the pattern method (`way`), without widths; and all attempts of a search, best first."""
+    """The chosen method with its stripes (`way`), before widths are computed; all attempts of a search, best first."""
 
     way: MethodCandidate
     attempts: tuple[Attempt, ...] = ()
@@ -145,7 +145,7 @@ def chosen_method(
 
 
 def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: ChosenMethod) -> PatternResult:
-    """Return the stripes by the chosen method. If a search has drawn them, their time is in the row `method`."""
+    """Return the stripes by the chosen method. If the search has drawn them, the log has their time in row `method`."""
     candidate, before = chosen.way, len(log.notes)
     log.seconds.setdefault("pattern", 0.0)
     pattern = candidate.drawn or pattern_step(

@@ -36,7 +36,7 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest difference of a region or guide from its symmetric image, divided by its area. Uneven edges cause a part."""
+"""Largest difference of a region or guide from its symmetric image, divided by its area; uneven meshes cause some."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
@@ -125,7 +125,7 @@ def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmet
         matching = int((np.array(differing_areas) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())
         if matching < symmetry.order:
             exceptions.append(f"{region_key(regions, k)} at {matching}")
-    message = f"the stripes have a symmetry of {symmetry.order} images, but {', '.join(exceptions)} of them only"
+    message = f"the stripes have a symmetry of {symmetry.order} images, but some regions fewer: {', '.join(exceptions)}"
     return message if exceptions else ""
 
 
@@ -146,9 +146,9 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
         piece = int(np.where(loose, area, 0.0).argmax())
         x, y, z = np.average(after.centroids[label == piece], axis=0, weights=after.areas[label == piece])
         raise SurfaceError(
-            f"{_void_names(preset)} part{'s' if len(preset.pattern.voids) == 1 else ''} {int(loose.sum())} of {count} "
-            f"pieces of the surface from all supports, the largest ({area[piece]:.3g} m2) around ({x:.3g}, {y:.3g}, "
-            f"{z:.3g}) m; leave a connection, support the piece, or enlarge the void over it"
+            f"{_void_names(preset)} separate{'s' if len(preset.pattern.voids) == 1 else ''} {int(loose.sum())} of "
+            f"{count} pieces of the surface from all supports, the largest ({area[piece]:.3g} m2) around ({x:.3g}, "
+            f"{y:.3g}, {z:.3g}) m; leave a connection, support the piece, or enlarge the void over it"
         )
 
 
@@ -184,7 +184,7 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
 @dataclass(frozen=True, eq=False)
 class CoveringLoads:
     """Material of a cut sheet that carries loads on a covering, such as glass, on the m faces of the uncut surface.
-    to      : (m,) number of the face with material that carries the covering of each face, or -1.
+    to      : (m,) for each face, number of the face whose material carries the load on this face; or -1.
     area    : (m,) area of material in each face, m2.    place : (m, 3) centre of this material, metres.
     opening : (m,) number of the opening to which a face belongs; -1 for faces with material."""
 
@@ -196,7 +196,7 @@ class CoveringLoads:
 
     @classmethod
     def for_sheet(cls, surface: Surface, sheet: Sheet) -> Self:
-        """Return the carrying faces for a sheet that was cut from the surface."""
+        """Return the faces that carry the covering, for a sheet that was cut from the surface."""
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
@@ -228,7 +228,7 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Return forces (m, 3), N, on the carrying faces, if possible with the moment of the load on each opening."""
+        """Return forces (m, 3), N, on faces with material. If possible, they keep the moment of each opening's load."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
         # a face may carry loads of several openings
@@ -278,7 +278,7 @@ def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -
     inertia = np.zeros((count, 3, 3))
     point_inertia = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
     np.add.at(inertia, group, weight[:, None, None] * point_inertia)
-    # a group narrower than sqrt(1e-9) of its length counts as a line
+    # places in a strip narrower than sqrt(1e-9) times its length count as a line
     theta = np.einsum("gij,gj->gi", np.linalg.pinv(inertia, rcond=1e-9, hermitian=True), moment)
     return np.asarray(weight[:, None] * np.cross(theta[group], r))
 
@@ -300,7 +300,7 @@ def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[L
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the `sheet_load` of each load. Raises StaticsError like `sheet_load`, and for a lost load."""
+    """Return the `sheet_load` of each load. Raises StaticsError also for a load on a piece without support."""
     if lost := lost_load(surface, material, sheet, loads.values()):
         raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)
@@ -373,7 +373,7 @@ def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
 
 
 def _edges_or_none(edges: Bools) -> Bools | None:
-    """Return a mask of supported edges. None: the load case has no such edges, so its supported vertices count."""
+    """Return a mask of supported edges, or None if the load case has no mask of edges, only supported vertices."""
     return edges if len(edges) else None
 
 

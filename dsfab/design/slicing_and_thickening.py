@@ -45,7 +45,7 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
     """Return the kind of slits that are filled, so that members merge.
-    Stripes that are not tidied do not merge, so that a topology optimisation of the same preset keeps its mass."""
+    Without `pattern.tidy` no slit is filled, so that a topology optimisation of the same preset keeps its mass."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
@@ -60,7 +60,7 @@ def trial_cut(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> TrialCut | None:
     """Return the cut of a pattern, finished up to the first rounding of corners; None if no material is left.
-    The cut uses the defaults of [slicing], because the pattern must not depend on a later section.
+    The cut uses the defaults of [slicing], because the pattern must not depend on the values in [slicing].
     polygons : the surface cut along the pattern, if the caller has it."""
     preset = preset.model_copy(update={"slicing": Slicing()})
     options = finishing_options(preset, surface, pattern)
@@ -69,8 +69,8 @@ def trial_cut(
 
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
-    """Return a trial cut with bridges (in a workshop also least widths), and the share of the surface that they add.
-    A bridge is material across a place where rounded members are too close together."""
+    """Return a trial cut with bridges, and the share of the surface that they add. A bridge is material across a place
+    where rounded members are too close together. With `pattern.workshop` narrow members are widened, too."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
         trial = trial.with_least_widths(*_usual_widths(preset, surface))
@@ -85,9 +85,9 @@ def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
         return min_opening or 0.0, min_opening or 0.0
     spacing = min(family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     thickness = preset.statics.thickness
-    # between tidied members, `merging_rule` fills larger openings
+    # after tidying, `merging_rule` also fills openings that are larger than this limit
     opening = min(SPECK * spacing, thickness) if options.removes_loose_ends else SPECK * spacing
-    # 1.1: the rounded corners beside a bridge are polygons, which are narrower
+    # factor 1.1: the rounded corners beside a bridge are polygons, which are narrower than the exact arcs
     return opening, min(1.1 * thickness, 0.2 * spacing)
 
 
@@ -142,8 +142,8 @@ def least_member(options: Pattern, surface: Surface) -> float:
 def closed_share(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> float:
-    """Return the share of the surface that least widths add to the sheet of a pattern, with the defaults of [slicing].
-    polygons : the surface cut along the pattern, if the caller has it."""
+    """Return the area that is added where members or openings are too narrow, divided by the surface's area.
+    Options of [slicing] have their defaults.    polygons : the surface cut along the pattern, if the caller has it."""
     usual = pattern.preset_with_choices(preset.model_copy(update={"slicing": Slicing()}))
     options = finishing_options(usual, surface, pattern)
     polygons = polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy)
@@ -163,7 +163,7 @@ def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 
 
 def least_widths_message(least: tuple[float, float], counts: Counter[str]) -> str:
-    """Return a note on the places that finishing changed because of the least widths; '' without changes."""
+    """Return a note on members and openings that finishing changed because they were too narrow; '' without changes."""
     gap, member = least
     parts = (
         ("closed", f"openings narrower than {length(gap)} were closed at {places_phrase(counts['closed'])}"),
@@ -223,15 +223,15 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
     names = "filled", "merged", "bridged", "spikes", "widened"
     filled, merged, bridged, spikes, widened = (finished.counts[name] for name in names)
     if stubs:
-        which = "members that meet past their last crossings, or pass beside a singular point of the stress,"
+        which = "ends of members beyond their last crossings, and members beside a singular point of the stress,"
         log.note("slicing", f"{which} were cut off or straightened at {places_phrase(stubs)}")
     if filled:
-        than = length(options.opening) + (", or far smaller than most," * (preset.slicing.min_opening is None))
+        than = length(options.opening) + (", or far smaller than most openings," * (preset.slicing.min_opening is None))
         openings, verb = _count_phrase(filled, "an opening", "openings"), "were" if filled > 1 else "was"
         log.note("slicing", f"{openings} smaller than {than} {verb} filled")
     if merged:
         openings = _count_phrase(merged, "1 opening was", "openings were")
-        log.note("slicing", f"{openings} narrower than the members beside: filled, so that these members merge")
+        log.note("slicing", f"{openings} narrower than the neighbouring members: dsfab joined these members")
     if bridged:
         bridges = _count_phrase(bridged, "a bridge was", "bridges were")
         log.note("slicing", f"{bridges} built where openings are narrower than {length(options.neck)}")
@@ -273,8 +273,8 @@ def _fillet_message(radius: float, radii: Floats) -> str:
     message = f"{len(radii)} corners of openings were rounded"
     if np.median(radii) < radius / 2:
         half = length(float(np.median(radii)))
-        return f"{message}, half of them with less than {half} for lack of space (pattern.fillet: {length(radius)})"
-    return f"{message} with {length(radius)}, or less for lack of space"
+        return f"{message}; for lack of space, half have a radius below {half} (pattern.fillet: {length(radius)})"
+    return f"{message} with a radius of {length(radius)}, or less where space is lacking"
 
 
 def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
@@ -289,7 +289,7 @@ def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece
 
 def _one_family_hint(preset: Preset) -> str:
     name = preset.pattern.families
-    return "" if name == "both" else f": the {name} family alone has no crossings; set pattern.rim, or draw both"
+    return "" if name == "both" else f": the {name} family alone has no crossings; set pattern.rim or use both families"
 
 
 def _refuse_loose(preset: Preset, sheet: Sheet, all_pieces: tuple[Piece, ...], label: Ints) -> None:
@@ -301,7 +301,7 @@ def _refuse_loose(preset: Preset, sheet: Sheet, all_pieces: tuple[Piece, ...], l
             f"{len(loose)} of {len(all_pieces)} pieces reach no support, the largest "
             f"({all_pieces[largest].area:.3g} m2) near "
             f"({x:.3g}, {y:.3g}, {z:.3g}) m"
-            + (_one_family_hint(preset) or "; lower the thresholds, set pattern.rim or pattern.keep, or slicing.loose")
+            + (_one_family_hint(preset) or "; lower the thresholds, or set pattern.rim, pattern.keep or slicing.loose")
         )
 
 
@@ -333,17 +333,17 @@ def _note_slicing(
 
 
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
-    """Note which loads of the cut sheet differ from those of the uncut sheet, which the stripes follow."""
+    """Note loads that differ between the cut and the uncut sheet. The stripes follow the loads of the uncut sheet."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(part.weight.any() for part in parts):
         areas = surface.area, sheet.surface.area
         uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
-        message = f"the cut sheet weighs {sheet_weight}, which all its results include"
-        if not preset.pattern.rounds:  # otherwise `stripes_under_own_weight` has written this note
+        message = f"the cut sheet weighs {sheet_weight}; all results include this weight"
+        if not preset.pattern.rounds:  # with rounds, `stripes_under_own_weight` notes the followed weight
             message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):
-        log.note("slicing", "loads without covering act on the members only; the directions follow the whole loads")
+        log.note("slicing", "loads without a covering act on members only; the stripes follow loads on the uncut sheet")
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:

@@ -80,7 +80,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return a mask (m,) of faces where a stripe on a mode has the wrong direction; None for other layers."""
+    """Return a mask (m,) of faces where the stripes of a mode run in the wrong direction; None without a mode."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -98,7 +98,7 @@ UNREPORTED = 2 * SHARE_TOLERANCE  # Largest error of the solid fraction that dsf
 
 class _ShareTrial(NamedTuple):
     """Trial stripes (`result`), with shares of the surface.
-    aim : requested from the stripes.    added : added by finishing.    total : share after finishing."""
+    aim : share for the stripes alone.    added : share that finishing adds.    total : share after finishing."""
 
     aim: float
     added: float
@@ -115,7 +115,7 @@ def corrected_pattern(
 ) -> tuple[PatternResult, float]:
     """Return stripes that cover the requested share of the surface after finishing, and the covered share.
     draw_pattern  : function that draws stripes. It gets the share that finishing will add, and a guessed width factor.
-    nearest_share : function that returns the measured share of the latest stripes that is nearest to a target.
+    nearest_share : function of a share. Of all shares measured for the latest stripes, it returns the nearest.
     added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
     bridged_share : function that returns the share of added bridges. It is slow, so it runs only once if its result is
                     0.
@@ -144,7 +144,7 @@ def corrected_pattern(
     latest = converge(attempt(0.0))
     if (bridges := bridged_share()) > SHARE_TOLERANCE:
         latest = trials[-1] = latest._replace(added=latest.added + bridges, total=latest.total + bridges)
-        trials[:-1] = []  # earlier trials have no bridges
+        trials[:-1] = []  # earlier trial patterns have no bridges, so their shares are too small
         latest = converge(latest)
     for k in range(8):  # the first three rounds try for a smaller error than the preset allows
         accepted = max(tolerance, UNREPORTED) if k >= 3 else UNREPORTED
@@ -159,7 +159,7 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the mean `aim` of two trials, one below and one above the requested total; 0 without such a pair."""
+    """Return the mean `aim` (share) of one trial pattern with too little and one with too much material; 0 if none."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0
@@ -169,7 +169,7 @@ COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
 """Factors on the approximate widths. These widths decide which openings close because members are too near to each
 other. Smaller factors close fewer openings."""
-SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that measure shares.
+SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that only measure the share of the surface with material.
 
 
 class WidthSearch(NamedTuple):
@@ -188,8 +188,8 @@ class WidthSearch(NamedTuple):
 
 @dataclass
 class _MeasuredShares:
-    """Function that cuts the surface along layers, and returns the share of the surface that layers cover.
-    reached  : all measured shares.    layers : the latest layers.
+    """Function that cuts the surface along layers (stripes and kept regions), and returns the share with material.
+    reached  : all returned shares.    layers : the latest layers.
     polygons : surface cut along the latest layers.    trial : latest cut with finishing."""
 
     preset: Preset
@@ -235,9 +235,9 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern. Kept regions come before stripes, because a layer does not cut earlier layers.
-    preset  : preset with chosen modes and phases.    choice : choice of modes and phases, if they were `auto`.
-    grading : (n, f) relative half-widths of f families.    even : evenly spaced stripes; None for modes."""
+    """Return the pattern. Kept regions are drawn before stripes, because a layer does not cut earlier layers.
+    preset  : preset in which modes and phases are chosen.    choice : this choice, if the preset said `auto`.
+    grading : (n, f) relative half-widths of the stripes of f families.    even : evenly spaced stripes, if any."""
     options, surface = preset.pattern, analysis.surface
     with log.stage("pattern", "drawing stripes"):
         kept_layers = kept_regions(preset, surface, analysis.load, even)
@@ -282,11 +282,11 @@ def sketched_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern of `pattern_step` with approximate widths. Sample points, not cuts, measure the shares."""
+    """Return the pattern of `pattern_step` with approximate widths: sample points, not cuts, measure covered areas."""
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
-    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # 4e-3: error of sample points
+    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # 4e-3: error of the counted share
     layers, factor = solved_layers(preset, surface, kept_layers, families, search)
     pattern = pattern_result(preset, families, layers)
     return replace(pattern, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, analysis, layers))
@@ -311,7 +311,7 @@ def least_width(preset: Preset, surface: Surface) -> float:
 def _note_spacings(preset: Preset, families: Sequence[DrawableFamily], log: Log) -> None:
     for family in families:
         if spacing := getattr(preset.pattern, family.name).spacing:
-            message = f"spacing {spacing:g} m: frequency of the {family.name} stripes became"
+            message = f"for a spacing of {spacing:g} m, the frequency of the {family.name} stripes is"
             log.note("pattern", f"{message} {family.stripes.frequency:.4g}")
 
 
@@ -333,8 +333,8 @@ def solved_layers(
     families: Sequence[DrawableFamily],
     search: WidthSearch,
 ) -> tuple[list[Layer], float]:
-    """Return kept layers and stripes that cover the requested share, and their width factor.
-    Raises PatternError if no widths give the share."""
+    """Return kept regions and stripes that cover the requested share of the surface, and their width factor.
+    Raises PatternError if no widths give this share."""
     width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow_stress else 1.0)
 
@@ -346,13 +346,13 @@ def solved_layers(
         requested = width.solid_fraction - added
         slope = 0.85 * requested if guess else 0.0  # 0.85, because members overlap at crossings
         if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
-            counted = counted_share(surface, kept_layers, COUNTED)  # approximate widths decide which openings close
+            counted = counted_share(surface, kept_layers, COUNTED)  # to find the widths at which openings close
         if counted is not None:
             with suppress(PatternError):  # the final search raises a better message
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), requested, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
         jump = width.solid_fraction_tolerance
-        if preset.pattern.families != "both":  # without crossings, loose members vanish as a whole
+        if preset.pattern.families != "both":  # without crossings, whole members are loose, and the share jumps
             spacing = preset.pattern.drawn_families[0].distance(surface.area, surface.mean_edge)
             jump = max(jump, width.solid_fraction * spacing / float(np.sqrt(surface.area)))
 
@@ -369,8 +369,8 @@ def layers_with_share(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """Return layers that cover the requested share, and their width factor. `factor` decides which openings close.
-    solve : function that finds x for the requested share. Its argument is a function: the share at x * `factor`.
+    """Return layers that cover the requested share, and their width factor, which is x * `factor`.
+    `factor` decides which openings close.    solve : function that finds x. Its argument is the function share(x).
 
     The search repeats with slightly more or fewer closed openings in two cases: the share jumps because an opening
     closes, or the final width factor is over 2.5 times larger or smaller than `factor`."""
@@ -397,8 +397,8 @@ def layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Layers for any multiple of a width factor (`factor`). The layers for the last multiple are stored.
-    layers : function that returns layers.    closing : width factor that decides which openings close."""
+    """Layers for width factors that are multiples of `factor`. The latest layers are stored.
+    layers : function of two width factors; returns layers.    closing : the second; it decides which openings close."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -406,7 +406,7 @@ class _CachedLayers:
     last: tuple[float, list[Layer]] = (-1.0, [])
 
     def layers_at(self, relative: float) -> list[Layer]:
-        """Return the layers for the width factor `relative` times `factor`."""
+        """Return the layers for the width factor `relative * factor`."""
         if self.last[0] != relative:
             self.last = relative, self.layers(self.factor * relative, self.closing)
         return self.last[1]
@@ -486,4 +486,4 @@ def _solved_width_message(preset: Preset, widths: Widths, factor: float, share: 
     message = f"{became} for solid_fraction = {options.width.solid_fraction:.1%}"
     if abs(share - options.width.solid_fraction) <= SHARE_TOLERANCE:
         return message
-    return f"{message}; {share:.2%} is the nearest, because the share jumps where ends of members appear"
+    return f"{message}; {share:.2%} is the nearest possible share, because the share jumps where ends of members appear"

@@ -130,8 +130,8 @@ def _affordable_results(sheet: Statics, surface: Surface, log: Log) -> tuple[Res
     why = f"{surface.n:,} vertices are too many for accurate elements ({MOST_VERTICES:,} are allowed)"
     log.note(
         "statics",
-        f"the stress of the uncut sheet is rough, by {sheet.elements} elements: {why}; build a coarser mesh "
-        "(surface.edge) for accurate stress",
+        f"the stress of the uncut sheet is only approximate, from {sheet.elements} elements: {why}; build a coarser "
+        "mesh (surface.edge) for accurate stress",
     )
     return ResultRequest(), (f"no natural frequencies, no buckling factors: {why}",) if requested.modes else ()
 
@@ -148,7 +148,7 @@ def _note_answers(
         log.note(
             "statics",
             f"each flat face bends under pressure and weight (edge x fold / thickness = {facets:.2g}, better "
-            f"under {FACETS}), so that the largest stress is too high by up to that share; make the mesh finer "
+            f"under {FACETS}), so that the largest stress is too high by up to this fraction; make the mesh finer "
             "(surface.edge, or surface.refine with smooth)",
         )
     for name, answers in named_answers:
@@ -157,7 +157,7 @@ def _note_answers(
 
 def _note_case_answers(under: str, answers: Answers, sheet: Statics, log: Log) -> None:
     if answers.assumed:
-        log.note("statics", f"frequencies and buckling{under} are those of a sheet out of its plane: {answers.assumed}")
+        log.note("statics", f"the sheet vibrates and buckles out of its plane{under}: {answers.assumed}")
     for refusal in answers.refusals:
         aside = "" if answers.elements.bending else " (it was solved in its plane, but vibrates and buckles out of it)"
         log.note("statics", refusal + under + aside)
@@ -207,8 +207,8 @@ def followed_layers(
         return FollowedStress(sigma, layered, message)
     if option == "membrane" and share >= BENDING_SHARE:
         message = (
-            f"bending stores {share:.0%} of the sheet's energy, but the pattern follows the stress of its middle "
-            'surface, which is free of bending; compare with statics.stress = "layers", which may be stiffer'
+            f"bending stores {share:.0%} of the sheet's energy, but the pattern follows the stress of the middle "
+            'surface, without bending; statics.stress = "layers" may give a stiffer sheet: compare the two designs'
         )
         return FollowedStress(sigma, None, message)
     return FollowedStress(sigma)
@@ -233,7 +233,7 @@ def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
 def _moment_stresses(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
-    """Return the stress in each case and combination. If `hinge` elements solved the sheet, solve it again."""
+    """Return the stress in each case and combination. Inexact moments of `hinge` elements are replaced by new ones."""
     if answers[0].elements.bending != "hinge":
         return [answer.stress for answer in answers]
     model = preset.statics.sheet().model_for(surface)
@@ -272,14 +272,14 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
         is_python_mesh = isinstance(preset.surface, MeshSurface)  # a mesh from Python has no key surface.unit
-        python_unit, file_unit = 'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,', "surface.unit (mm, m, ...)"
+        python_unit, file_unit = 'the unit (dsfab.Surface.of(mesh, "mm") for millimetres)', "surface.unit (mm, m, ...)"
         unit = python_unit if is_python_mesh else file_unit
         raise SurfaceError(f"{message}, which is impossible; check {unit} and statics.thickness (metres)")
     if not USUAL_SIZE[0] < surface.size < USUAL_SIZE[1]:
         log.note("statics", f"the surface is {length(surface.size)} large: check its unit")
     if not USUAL_SLENDERNESS[0] < slenderness < USUAL_SLENDERNESS[1]:
         log.note(
-            "statics", f"{message}: thin-sheet statics hold for ratios of about 20 to 2000; check units and thickness"
+            "statics", f"{message}: statics hold for size / thickness of about 20 to 2000; check units and thickness"
         )
 
 
@@ -315,7 +315,7 @@ def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> Stat
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
     if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDING_SHARE / 2:
-        return None  # the share is only approximate, so half of the limit is used
+        return None  # `bending_share` is only approximate here, so the limit is halved
     return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 
@@ -378,7 +378,7 @@ def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     cut = surface_with_regions(static_preset, even, Log(None)) if preset.pattern.region else even
     surface = section.build(list(_stress_sizes(section, cut, statics_step(static_preset, cut, Log(None)))), source)
     if log:
-        log.note("surface", f"{even.m:,} even triangles became {surface.m:,}: smaller ones where the stress changes")
+        log.note("surface", f"{surface.m:,} triangles instead of {even.m:,}, with small ones where the stress changes")
     return surface
 
 
@@ -392,7 +392,7 @@ def _source_surface(section: OwnSurface, log: Log | None) -> Surface:
             log.note("surface", f"{section.file.name}, {remark}")
         if any(section.origin):
             offset = coordinates(section.origin)
-            log.note("surface", f"output files have their origin at {offset} m of the mesh, as IFC files state")
+            log.note("surface", f"the origin of output files is {offset} m in the mesh; IFC files state this point")
     return file.surface
 
 

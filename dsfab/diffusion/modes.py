@@ -1,4 +1,4 @@
-"""Modes of a diffusion operator, for its smallest eigenvalues. Axes that rotate with the surface give the signs."""
+"""Modes of a diffusion operator for its smallest eigenvalues. Axes that rotate with the surface fix their signs."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 
 CLEAR_MOMENT = 1e-2
-"""Moments, and differences of inertias, count as zero below this fraction of their natural size."""
+"""Relative size below which a moment, or the difference of two moments of inertia, counts as zero."""
 
 
 @one_blas_thread()
@@ -27,11 +27,11 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
     weights : (n,) each, not negative: scalars on the vertices, such as the size of the load or the supports.
     vectors : (3,) each, such as the resultant of the loads.
 
-    The axes are the first clear directions of this list:
+    The first two axes come from the first two directions in this list that are not zero and not parallel:
     1. the vectors
     2. the lines from the surface's centroid to the centroid of each weight
     3. the mean of |x|^2 x over the area, for x from the centroid
-    4. principal axes of inertia of the area and of the weights, towards positive third moments
+    4. principal axes of inertia of the area and of the weights; their signs make third moments positive
     5. the axes x, y and z"""
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
@@ -115,7 +115,7 @@ def diffusion_modes(
     the solver (`_canonical`).
 
     axes     : (3, 3) rows, for signs and bases; default: the axes of the surface alone (`reference_axes`).
-    symmetry : if set, only modes with equal values at all symmetric images of a point count.
+    symmetry : if set, return only symmetric modes, which have equal values at all images of a point.
     Raises PatternError if the mesh has too few vertices for k modes."""
     return family_modes(surface, [L], k, axes, symmetry)[0]
 
@@ -188,8 +188,8 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
     """Return the smallest `count` eigenpairs of A (n, n), ascending. solve : function that returns (A + shift)^-1 b.
-    Four Lanczos vectors for each pair make restarts rare. The tolerance is 0, because copies of a repeated eigenvalue
-    grow from rounding errors."""
+    Four Lanczos vectors for each pair make restarts rare. The tolerance is 0, because the Lanczos method finds copies
+    of a repeated eigenvalue only late, through rounding errors."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # always the same start, so the same modes
     try:
@@ -223,7 +223,7 @@ def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Flo
 
 
 def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
-    """Return polynomials (n, 19) of the coordinates along the axes, up to degree 3, with mean 0 and length 1 in M."""
+    """Return polynomials (n, 19) of the coordinates along the axes, up to degree 3. Their mean is 0, their norm 1."""
     x = (surface.V - mass @ surface.V / mass.sum()) @ axes.T / surface.size
     x = np.ascontiguousarray(x.T)
     squares = [x[i] * x[j] for i in range(3) for j in range(i, 3)]

@@ -28,11 +28,11 @@ from dsfab.surface import (
     weights_at,
 )
 
-IMAGE_OFF_SURFACE = 0.25  # Largest distance of a vertex's image from the surface, in mean edges.
+IMAGE_OFF_SURFACE = 0.25  # Largest distance of a mirrored or rotated vertex from the surface, in mean edges.
 OFF_SUPPORT = 1.0
-"""Largest distance, in mean edges, of images of supported vertices from supported vertices; picks are as inexact."""
+"""Largest distance, in mean edges, of the image of a supported vertex from the nearest supported vertex."""
 OFF_LOAD = (0.3, 0.02)
-"""Largest difference of loads from their images, divided by the total load: for smoothed forces, and for resultants."""
+"""Largest difference of mirrored or rotated loads from the loads / total load: smoothed forces, and resultants."""
 SAMPLE_POINTS = 100  # Number of points that are checked before all points.
 
 
@@ -57,7 +57,7 @@ class Symmetry:
         return len(self.R)
 
     def mean(self, x: Floats) -> Floats:
-        """Return the mean (n, ...) of a field at all images of each point; symmetric up to interpolation."""
+        """Return the mean (n, ...) of a field at all mirrored or rotated images of each point: a symmetric field."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / self.order)
 
     def maximum(self, x: Floats) -> Floats:
@@ -70,7 +70,7 @@ class Symmetry:
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the largest RMS difference of a field (n,) from one of its images, divided by the RMS of the field."""
+        """Return the largest RMS difference of a field (n,) from a mirrored or rotated field, divided by its RMS."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
@@ -113,11 +113,11 @@ def checked_symmetry(
     for g in R[1:]:  # a sample of vertices is enough to refuse most surfaces
         distance = largest_distance(surface, tree, (few - centre) @ g.T + centre)
         if distance > IMAGE_OFF_SURFACE * edge:
-            raise _symmetry_error(words, "the surface is", f"its image is up to {distance:.3g} m away from it")
+            raise _symmetry_error(words, "the surface is", f"a mirrored or rotated copy is up to {distance:.3g} m off")
     for g in R[1:]:
         distance, T = point_map(surface, tree, (surface.V - centre) @ g.T + centre)
         if distance > IMAGE_OFF_SURFACE * edge:
-            raise _symmetry_error(words, "the surface is", f"its image is up to {distance:.3g} m away from it")
+            raise _symmetry_error(words, "the surface is", f"a mirrored or rotated copy is up to {distance:.3g} m off")
         maps.append(T)
         image = np.ascontiguousarray((surface.centroids - centre) @ g.T + centre)
         faces.append(tree.squared_distance(surface.V, surface.F, image)[1])
@@ -147,7 +147,7 @@ def _generator(word: str) -> Floats:
             return R
     raise PatternError(
         f"{word!r} is not a symmetry; write x, y or z for a mirror, or rot:6:z for a sixth of a turn "
-        f"about z (2 to {LARGEST_GROUP} parts)"
+        f"about z (or 2 to {LARGEST_GROUP} instead of 6)"
     )
 
 
@@ -157,7 +157,7 @@ def symmetry_group(words: Sequence[str]) -> Floats:
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:
-        raise PatternError(f"symmetry = {list(words)} gives over {LARGEST_GROUP} images; use fewer words") from None
+        raise PatternError(f"symmetry = {list(words)} gives over {LARGEST_GROUP} symmetries; list fewer") from None
 
 
 def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
@@ -197,18 +197,18 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
             ]
             if not alike:
                 axes = "".join(axis for axis, is_held in zip("xyz", holds, strict=True) if is_held)
-                raise _symmetry_error(words, "the supports are", f"they hold only {axes}, which the symmetry rotates")
+                raise _symmetry_error(words, "the supports are", f"the symmetry turns supports that hold only {axes}")
             image = (surface.V[of_kind] - centre) @ R.T + centre
             equal = np.flatnonzero(np.isin(kind.ravel(), alike))
             distance = float(nearest_places(image, surface.V, equal[:, None]).distance.max())
             if distance > OFF_SUPPORT * surface.mean_edge:
                 raise _symmetry_error(
-                    words, "the supports are", f"the image of a support is {distance:.3g} m from any equal support"
+                    words, "the supports are", f"mirrored or rotated supports are {distance:.3g} m from equal supports"
                 )
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """Raise PatternError unless the forces equal their images.
+    """Raise PatternError unless the forces equal the mirrored or rotated forces.
     First resultants and moments are compared, then the forces, smoothed because meshes are irregular."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
@@ -219,7 +219,7 @@ def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats
         if (share := max(sum_off, moment_off) / total) > OFF_LOAD[1]:
             raise _symmetry_error(words, "the loads are", f"their resultants differ by {share:.0%}")
         if (share := float(np.linalg.norm(_smoothed_forces(surface, change), axis=1).sum()) / total) > OFF_LOAD[0]:
-            raise _symmetry_error(words, "the loads are", f"{min(share / 2, 1):.0%} of them have no image")
+            raise _symmetry_error(words, "the loads are", f"{min(share / 2, 1):.0%} of the load has no equal image")
 
 
 def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
@@ -288,8 +288,8 @@ class _QuickCheck:
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """Resultant (N), moments (3, 3) about the centroid (N m) and sum of sizes (N), for the forces of each load
-        case."""
+        """Resultant (N), moments (3, 3) about the centroid (N m), and sum of the magnitudes (N) of the forces in each
+        load case."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
@@ -333,7 +333,7 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
     """Return the normal (3,) of the best mirror for an irregular mesh of a round surface.
     Each candidate points to one of the points farthest from the axis. The best mirror maps the outermost points most
-    closely onto vertices. Of equal mirrors, it has most vertices on itself or on the plane across it.
+    closely onto vertices. Of equal mirrors, the best has most vertices near its plane and the perpendicular plane.
     samples : minimum number of outermost points."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
@@ -343,7 +343,7 @@ def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: 
     images = np.concatenate([outer @ mirror(normal).T for normal in N])
     misfit = np.square(outer_tree.query(images)[0]).reshape(len(N), -1).sum(axis=1) / edge**2
     on_mirror = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (N, np.cross(axis, N)))
-    # the number of vertices on the mirror decides between equal distances
+    # of mirrors with equal misfits, choose the mirror with most vertices on itself or on the plane across it
     ranks = zip(np.round(misfit, 6).tolist(), (-np.round(on_mirror, 6)).tolist(), range(len(N)), strict=True)
     return np.asarray(N[min(ranks)[2]])
 

@@ -14,8 +14,8 @@ from dsfab.surface.fields import assemble, hat_gradients, tangents
 
 def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
     """Return one stress for all layers of a sheet: (m, 3, 3) Pa, symmetric, tangent to the faces.
-    Its principal axes have the smallest mean square of shear over the thickness. Each principal value is the root mean
-    square of the traction on its axis.
+    Along its principal axes, the mean square of shear over the thickness is smallest. Each principal value is the root
+    mean square of the traction on its axis.
 
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
     bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa.
@@ -38,7 +38,7 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
 
 
 def only_bends(membrane: Floats, bending: Floats) -> bool:
-    """Return True if the middle surface has less than a thousandth of the stress at the bottom; any shape, Pa."""
+    """Return True if the stress of the middle surface is below a thousandth of the bending stress. Arrays in Pa."""
     return float(np.abs(membrane).max()) < 1e-3 * float(np.abs(bending).max())
 
 

@@ -46,7 +46,7 @@ class SampledLine:
 
     @property
     def bow(self) -> float:
-        """Largest distance of the line from its chord, between points at equal fractions of both lengths."""
+        """Largest distance between the line and its chord, compared at equal fractions of their lengths."""
         share, start, end = self.length / self.length[-1], self.line[0], self.line[-1]
         return float(np.linalg.norm(self.line - start - share[:, None] * (end - start), axis=1).max())
 
@@ -62,7 +62,7 @@ class SampledLine:
 
     @cached_property
     def check_points(self) -> tuple[Floats, list[Floats]]:
-        """Return lengths (q,) at which spline and line are compared, and the line's d coordinates (q,) there."""
+        """Return the lengths (q,) of points at which spline and polyline are compared, and the points' coordinates."""
         finer = 4 * self.count
         share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
         return share * self.total, self._points_at(share)
@@ -143,8 +143,8 @@ class SplineSystem:
 
     def poles(self) -> Floats:
         """Return the poles (n, d) of the least-squares cubic splines between the first and last samples.
-        A smooth line has one unknown tangent d for both ends. Its second pole is the first pole + a d.
-        Its last pole but one is the last pole - b d. a and b are thirds of the first and the last span."""
+        A smooth line has the same unknown tangent T at its start and its end. The second pole is P_0 + a T.
+        The last pole but one is P_last - b T. a and b are thirds of the first and the last span."""
         lengths = [run.sample_lengths for run in self.runs]
         values, first_hats = self._hats(np.concatenate(lengths), self._span_counts(lengths))
         points = np.concatenate([run.samples for run in self.runs])
@@ -162,7 +162,7 @@ class SplineSystem:
         return self._smooth_poles(system, poles, points, tangent) if tangent.any() else poles
 
     def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
-        """Add the tangent d of each smooth line. It couples the line's first and last poles outside the band."""
+        """Add the unknown tangent of each smooth line. It moves poles at both ends, so it is not in the band matrix."""
         free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
         along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
@@ -422,7 +422,7 @@ def check_length(part: Part, length_read: float) -> float:
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(
-            f"the lines of {part.name!r} read back {length_read:.6g} mm long instead of {expected:.6g} mm; "
+            f"the lines of {part.name!r} are {length_read:.6g} mm long in the file instead of {expected:.6g} mm; "
             "write another format"
         )
     return length_read / expected - 1

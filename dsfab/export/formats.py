@@ -33,7 +33,7 @@ MISSING: dict[MemberContent, str] = {
     "utilisation": "no members to check; only a design knows them",
     "frame": "no beam model; only a design knows it",
 }
-"""Text of the error message for a part without the content of a format."""
+"""Error text for a part that lacks the content of a format."""
 
 
 @dataclass(frozen=True)
@@ -186,8 +186,8 @@ def write(
     note    : receives a sentence on the chosen route of a STEP file, and why better routes failed.
     report  : receives size, seconds, number of triangles or faces, and the error of the volume.
 
-    Equal input gives equal bytes. The file read back must have the same closed triangles, and its volume (a sheet's
-    area) within 0.1 %. If this check fails, an older file with the same name is unchanged.
+    Equal input gives equal bytes. The triangles that are read back must be the same and closed. Their volume (a sheet's
+    area) must agree within 0.1 %. If this check fails, an older file with the same name is unchanged.
     Raises ExportError for an unknown suffix, a missing library, missing data, or too many faces for STEP. Also raises
     it if the file cannot be written, or differs when read back."""
     begin, path = time.perf_counter(), Path(path)
@@ -247,11 +247,11 @@ def holds_sheets(form: Format) -> bool:
 def _require_content(form: Format, part: Part, suffix: str) -> None:
     details = part.details
     if isinstance(form, SheetFormat) and form.content == "lines" and not details.lines:
-        raise ExportError(f"a {suffix} file needs lines, but {part.name!r} has none; give write() details with lines")
+        raise ExportError(f"a {suffix} file needs lines, but {part.name!r} has none; pass `details` with lines")
     if not isinstance(form, MemberFormat):
         return
     if form.content == "member_forces" and details.member_forces is not None and not details.member_forces:
-        raise ExportError(f"{part.name!r} has no member with a bay between two nodes; write forces.csv of all faces")
+        raise ExportError(f"{part.name!r} has no member forces: no member joins two nodes; write forces.csv instead")
     if not getattr(details, form.content):
         raise ExportError(f"{part.name!r} has {MISSING[form.content]}: use design.write(...)")
 

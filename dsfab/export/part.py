@@ -33,7 +33,7 @@ class DividedSheet(NamedTuple):
     D         : (n', 3) half-thickness vectors, m.
     chart     : (m',) number of the chart of each face.
     half_edge : (k,) half-edges on the boundary of the sheet, numbered 3 face + corner.
-    family    : (k,) number of the field that cut the sheet at a half-edge; -1 on the boundary of the uncut surface."""
+    family    : (k,) number of the field whose cut made each half-edge; -1 on the boundary of the uncut surface."""
 
     V: Floats
     F: Ints
@@ -199,16 +199,16 @@ class Part:
     name       : name of the mesh in the file.
     is_solid   : True for a closed mesh with a volume, False for a sheet.
     step_faces : largest number of faces of a STEP file.
-    step       : route of a STEP file, as in `StepOptions`.
+    step       : strategy for a STEP file, as `StepOptions.route`.
     tolerance  : largest error of the curves of a planar STEP file, mm; 0 is the default.
     corners    : (k, 3) points of the outline that curves of a planar STEP file must not round, mm.
-    details    : lines, fields and facts; lengths in millimetres.
+    details    : content of the file besides the mesh; lengths in millimetres.
     step_mb    : largest size of a STEP file, 1e6 bytes; 0: no limit.
     note       : text about earlier changes of the mesh.
     simpler    : True if earlier changes removed triangles of the solid.
-    curved     : function that returns the sheet for smooth STEP; None if only the solid is known.
+    curved     : function that returns the sheet for smooth STEP; None if the sheet is unknown.
     cut        : True to test a smooth file by a trial cut with OCCT, unless this cut would take long.
-    hurry      : factor (1 or more) of the usual limits of layouts, walls and faces; 0 for no limits."""
+    hurry      : 0 for no limits of layouts, walls and faces; 1 for the usual limits; larger values multiply them."""
 
     V: Floats
     F: Ints
@@ -283,9 +283,9 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     if not len(F) or (part.is_solid and (open_edges(F) or abs(small.volume - part.volume) > READ_BACK * part.volume)):
         collapsed = np.unique([a[lost], b[lost]])
         raise ExportError(
-            f"{len(collapsed)} vertices of {part.name!r} are too close together for {holding} "
-            f"(first: {first_few(collapsed)}), and merging them would change the shape; "
-            "coarsen the mesh there, or move it to the origin (surface.origin)"
+            f"in {holding}, {len(collapsed)} vertices of {part.name!r} coincide "
+            f"(first: {first_few(collapsed)}), which changes the shape; "
+            "coarsen the mesh there, or move the mesh to the origin (surface.origin)"
         )
     return small
 

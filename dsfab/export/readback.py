@@ -74,7 +74,7 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
     if not moved <= READ_BACK * size:
         raise ExportError(f"the bounding box of {part.name!r} reads back {moved:.3g} mm away; write another format")
     if part.is_solid and open_edges(F):
-        raise ExportError(f"{part.name!r} reads back open at {open_edges(F)} edges; write another format")
+        raise ExportError(f"{part.name!r} is open at {open_edges(F)} edges when read back; write another format")
     error = check_measure(part, signed_volume(V, F) if part.is_solid else total_area(V, F))
     return ReadBack(len(F), "triangles", error, "volume" if part.is_solid else "area")
 
@@ -97,7 +97,7 @@ def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
     expected, length_read = sum(polyline_length(line.points) for line in lines), sum(map(polyline_length, lines_read))
     if not abs(length_read - expected) <= READ_BACK * expected:
         raise ExportError(
-            f"the lines of {part.name!r} read back {length_read:.6g} mm long instead of {expected:.6g} mm; "
+            f"the lines of {part.name!r} are {length_read:.6g} mm long in the file instead of {expected:.6g} mm; "
             "write another format"
         )
     return ReadBack(len(lines_read), "lines", length_read / expected - 1, "length")
@@ -137,7 +137,7 @@ GREY = (120, 120, 120)
 
 
 def with_single_shapes(part: Part) -> Part:
-    """Return the part with its members in single precision."""
+    """Return the part with the vertices of its member bodies rounded to single precision (32 bits)."""
     return replace(part, details=replace(part.details, shapes=tuple(map(_single, part.details.shapes))))
 
 

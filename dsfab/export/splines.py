@@ -66,7 +66,7 @@ def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return first numbers (k,) and values (k, 4) as `basis` does, and also derivatives (k, 4), at x (k,)."""
+    """Return the numbers (k,) and values (k, 4) that `basis` returns at x (k,), and also the derivatives (k, 4)."""
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
     values, shares = hats_within(x, knots, span)
@@ -122,7 +122,7 @@ class LeastSquares:
         return np.asarray(solution)
 
     def values_at_samples(self, poles: Floats, samples: Ints | slice = slice(None)) -> Floats:
-        """Return points (k, d) of the splines with poles (n, d) at the samples, or at some of the samples."""
+        """Return points (k, d) of the splines with poles (n, d). samples : numbers of the samples; default: all."""
         first_hats, values = self.first[samples], self.values[:, samples]
         return np.asarray(sum(values[i][:, None] * poles[first_hats + i] for i in range(4)))
 
@@ -197,7 +197,7 @@ class SplineRows:
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return the distance (k,) of each sample from `points` (k, d): the largest distance of its `parts`."""
+        """Return distances (k,) of samples from `points` (k, d): the largest over `parts` groups of coordinates."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
@@ -208,7 +208,7 @@ class SplineRows:
 
 @dataclass(frozen=True, eq=False)
 class RowSpans:
-    """Spans between knots `low` and `high` (s,); row : (s,) curve of each span; of : (k,) span of each sample."""
+    """Spans of curves, from knot `low` to `high` (s,). row : (s,) their curves.    of : (k,) span of each sample."""
 
     low: Floats
     high: Floats
@@ -241,7 +241,7 @@ class RowSpans:
         return RowSpans(low, high, row, first_half[span] + (two[span] & (x >= middle[span])))
 
 
-SAMPLES_PER_SPAN = 6  # smallest number of samples per span; a curve oscillates between fewer samples
+SAMPLES_PER_SPAN = 6  # smallest number of samples per span; with fewer samples, a curve oscillates between them
 AT_ONCE = 20_000  # number of samples in one batch of curves, for the processor's cache
 Fitted = tuple[Spline, float]  # a curve, and its largest distance from its samples
 
@@ -252,7 +252,7 @@ def splines_through(
     """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) from 0 to 1, within tolerances.
     A curve begins at its first point and ends at its last point. All curves have the same d.
     parts : number of points in a row of Q. Each of these points must be within the tolerance.
-    Each result includes the largest distance from the points, above the tolerance if samples are too few."""
+    Each result includes the largest distance from the points. It exceeds the tolerance if there are too few samples."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in batch), strict=True))

@@ -16,7 +16,7 @@ from types import TracebackType
 
 try:
     import resource
-except ImportError:  # on Windows only the clock limits a program
+except ImportError:  # on Windows, a program is limited only by elapsed time, not by processor time
     resource = None  # type: ignore[assignment]
 
 
@@ -50,7 +50,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Do `work` once: while the first program in this context runs; at the end if no program ran and nothing failed."""
+    """Do `work` while the first program in this context runs, or at the end if no program ran and nothing failed."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -114,7 +114,7 @@ class PreparedProgram:
                     wait([pending], 0.02)
                 if is_ready():
                     work()
-            except BaseException:  # otherwise the pool waits for the program
+            except BaseException:  # the thread of the pool waits until the program ends
                 self.process.kill()
                 raise
             return _last(pending.result())
@@ -131,14 +131,14 @@ def _start(program: str, *arguments: str, stdin: int | None) -> "subprocess.Pope
 
 
 def _limit_time(run: "subprocess.Popen[str]", seconds: float) -> float:
-    """End the program after `seconds` of processor time; return the limit on the clock."""
+    """End the program after `seconds` of processor time; return the limit of elapsed time, seconds."""
     if not hasattr(resource, "prlimit"):
         return seconds
     soft_limit = max(1, round(seconds))
     with suppress(OSError):  # the program has ended, or the system forbids the limit
         resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # otherwise the signal writes a core dump
         _, system_limit = resource.prlimit(run.pid, resource.RLIMIT_CPU)
-        grace = 5  # seconds between the first signal, which a program can handle, and its end
+        grace = 5  # seconds from the first signal, which a program can handle, to the signal that ends the program
         hard_limit = soft_limit + grace
         if system_limit != resource.RLIM_INFINITY:
             hard_limit = min(hard_limit, system_limit)

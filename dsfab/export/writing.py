@@ -57,14 +57,14 @@ def partial_name(suffix: str = "") -> str:
 
 
 def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
-    """Remove folders with the prefix `word` that ended processes left; return a new temporary folder."""
+    """Return a new temporary folder. First, remove folders with the prefix `word` whose process has ended."""
     for path in abandoned_paths(Path(tempfile.gettempdir()), word):
         remove(path)
     return tempfile.TemporaryDirectory(prefix=f"{word}-{_owner()}-", ignore_cleanup_errors=True)
 
 
 def is_abandoned(name: str, word: str = PARTIAL) -> bool:
-    """Return True for the name of a file from a process on this machine that has ended."""
+    """Return True if `name` is the name of a file whose process ran on this machine and has ended."""
     match = _WHOSE.fullmatch(name.removeprefix(word)) if name.startswith(word) else None
     return match is not None and match[1] == _host() and not _alive(int(match[2]), int(match[3]))
 
@@ -228,10 +228,10 @@ def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Pa
         missing = []
     except OSError as error:
         raise ExportError(
-            f"writing to {folder} failed: {error.strerror}; free some space or choose another with -o"
+            f"writing to {folder} failed: {error.strerror}; free some space, or choose another folder with -o"
         ) from None
     finally:
-        if not (partial / JOURNAL).is_file():  # with a journal, the next run completes the move
+        if not (partial / JOURNAL).is_file():  # with a journal, the next run moves the remaining files
             remove(partial)
         for parent in missing:
             if parent.is_dir() and not any(parent.iterdir()):
@@ -344,7 +344,7 @@ def link_files(target: Path, partial: Path, user_names: set[str]) -> bool:
 
 
 def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set[str]) -> None:
-    """Move files that the user saved during the exchange from the old folder to the new one."""
+    """Move files that the user saved while the folders were exchanged from the old folder to the new folder."""
     for path in old_folder.iterdir():
         new_path = target / path.name
         replaced = path.name in user_names and new_path.exists() and not path.samefile(new_path)

@@ -27,7 +27,7 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     size : largest dimension of the structure, metres.
 
     Members of a ring are ordered counter-clockwise from the x axis, seen from above. Other members are ordered along
-    the direction of their largest spread. At equal positions the shorter is first, then the one of smaller x, y, z."""
+    the direction of their largest spread. At equal positions, members are ordered by length, then by x, y and z."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)

@@ -15,9 +15,9 @@ from dsfab.slicing import Overlay
 from dsfab.surface import Surface, chains
 
 TURN = np.radians(60)
-"""A line is divided into two members if it bends within the surface by more than this angle along `WINDOW` widths."""
-WINDOW, STEPS = 1.5, 4  # Length in widths along which bends are measured, and its number of steps.
-SPECK = 1.0  # Shorter lines of a stripe (length in widths) are left out, except the longest line.
+"""Largest bend of a member within the surface, measured over `WINDOW` widths. A line with a larger bend is divided."""
+WINDOW, STEPS = 1.5, 4  # Bends are measured over 1.5 times the width of the line, in 4 steps.
+SPECK = 1.0  # A line of a stripe is left out if it is shorter than the width, unless it is the longest line.
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return the places (c, 2) of offset 0 on sides (c, 2) of cells: 0 at the lower vertex number, 1 at the other."""
+    """Return the places (c, 2) of offset 0 on sides (c, 2) of cells, from 0 at the lower vertex number to 1."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -110,8 +110,8 @@ def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
     """Divide a line where it bends within the surface by more than `TURN`.
-    Bends are measured along 1.5 `width` or one `edge` (m), the longer of these two lengths. Short parts at both ends
-    are dropped, because a line bends towards the rim around a kept support."""
+    Bends are measured over 1.5 times `width`, or over `edge` (m) if that is longer. Short parts at both ends
+    are dropped, because the ends of a line often bend towards the edge of material around a support."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)

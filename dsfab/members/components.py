@@ -14,13 +14,13 @@ from dsfab.slicing import DrawnBand, Overlay, Sheet, divided_field_values, strip
 from dsfab.surface import CornerField, DividedField, Surface, link_components
 
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
-"""Kinds of members, see `dsfab.members.graph.Member`; kept material has the kind "keep" before its shape is known."""
+"""Kinds of members, see `dsfab.members.graph.Member`. Material around supports has the kind "keep" at first."""
 FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
 NOWHERE = 10.0  # A marker: offset of a region without a middle line, larger than any real offset.
 
 
 class NamedBand(NamedTuple):
-    """A band, and the kind of its parts: "strip" of a family, or "rim", "band", "keep" or "plate"."""
+    """Stripes of one field of the pattern, and their kind: "strip" of a family, or "rim", "band", "keep" or "plate"."""
 
     kind: str
     family: str
@@ -28,7 +28,7 @@ class NamedBand(NamedTuple):
 
 
 def pattern_bands(surface: Surface, sheet: Sheet, pattern: PatternResult) -> list[NamedBand]:
-    """Return a band for each field of the pattern, in the order of the fields; the sheet was cut along these bands."""
+    """Return the stripes of each field of the pattern, in the order of the fields. The sheet was cut along them."""
     bands = []
     for k, (name, field, levels) in enumerate(zip(pattern.names, pattern.fields, pattern.levels, strict=True)):
         if name in FAMILIES:
@@ -57,8 +57,8 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """Return the shape and the band of kept material, from values x (n,) or (n, 2) at the vertices of the sheet.
-    "reach": all points near a place. "plate": a region. "band": a strip along an outline, with x (n, 2)."""
+    """Return the kind and the stripes of a field of kept material, from values x (n,) or (n, 2) at the vertices.
+    "reach": all points within a distance. "plate": a region. "band": a strip along its outline, with x (n, 2)."""
     zero = np.zeros(1)
     if x.ndim == 2:  # column 0 is positive in the region; column 1: distance from its outline minus the band's width
         width = -float(x[:, 1].min())
@@ -77,14 +77,14 @@ HIDDEN, COVERED = 0.05, 0.3
 
 @dataclass(frozen=True, eq=False)
 class Component:
-    """The cells of a member before it has a name.
+    """The cells of a member before it has a name. `Overlay` explains cells, stripes and fields.
 
     kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : family of the pattern, or "".
     stripe : number of the stripe of most of its cells; 0 without a stripe.
     cells  : (c,) cells of the overlay, ascending.
-    core   : (c,) True for cells that define its width; False for fillets beside several members.
+    core   : (c,) True for cells that define the member's width; False for fillets beside several members.
     line   : middle line, or None.    field : number of the pattern's field; -1 for none.
-    group  : number of the overlay's stripe; -1 for none."""
+    group  : index of the stripe in `Overlay.of`; -1 for none."""
 
     kind: str
     family: str
@@ -96,12 +96,12 @@ class Component:
     group: int = -1
 
     def width(self, areas: Floats) -> float:
-        """Return the mean width, m; without a line, the side of a square of equal area. areas : (m,) of all cells."""
+        """Return area / length of the middle line, m; without a line, the root of the area. areas : (m,), m2."""
         area = float(areas[self.cells[self.core]].sum())
         return area / self.line.length if self.line else float(np.sqrt(area))
 
     def with_cells(self, extra_cells: Ints, core: bool) -> "Component":
-        """Return the component with extra cells (k,); `core` : True if these define its width, too."""
+        """Return the component with extra cells (k,). core : True if the extra cells also count for the width."""
         cells = np.concatenate([self.cells, extra_cells])
         order = np.argsort(cells, kind="stable")
         marks = np.concatenate([self.core, np.full(len(extra_cells), core)])
@@ -128,7 +128,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
     """Return the middle lines of a field's stripes, by number of the stripe.
-    A stripe that lies beside its band's middle gets a line at its mean offset from the middle."""
+    A stripe that does not contain offset 0 gets a line at its mean offset instead."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -147,8 +147,8 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
-    """Return True if connected cells (c,) lie on one side of their band's middle and are shorter than the band is wide.
-    Cutting and fairing leave such pieces."""
+    """Return True if connected cells (c,) lie on one side of their stripe's middle line and are shorter than wide.
+    Cutting of the sheet and smoothing of its edges leave these pieces."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False
@@ -205,7 +205,7 @@ def _parts(overlay: Overlay, component: Component, lines: list[MiddleLine], edge
 
 
 def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints:
-    """Return for each of connected cells (c,) the number of the line with the shortest path from cell to cell."""
+    """Return (c,) the number of the line nearest to each cell, along paths through cells. The cells are connected."""
     if len(lines) == 1:
         return np.zeros(len(cells), dtype=np.int64)
     place = np.full(overlay.sheet.surface.m, -1)
@@ -225,7 +225,7 @@ def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints
 
 
 def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
-    """Drop components that are hidden almost everywhere, for example a rim below material around supports."""
+    """Drop components that lie almost completely below other components, such as a rim below material at supports."""
     made_by, areas = overlay.sheet.family, overlay.sheet.surface.areas
     shares = [
         areas[component.cells[made_by[component.cells] == component.field]].sum() / areas[component.cells].sum()

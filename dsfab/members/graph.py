@@ -32,7 +32,7 @@ class SharedPatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _SharedCells:
-    """Cells (c,) in both fields `one` and `two`, with their members a and b (c,), and their patch number (c,)."""
+    """Cells (c,) in both fields `one` and `two`: members a and b (c,), and number (c,) of the connected part."""
 
     one: int
     two: int
@@ -84,7 +84,7 @@ def _patches(overlay: Overlay, shared: _SharedCells) -> list[SharedPatch]:
 
 
 def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
-    """Return the rows (q,) of shared cells in which the middle lines cross, and the points (q, 3) of crossing."""
+    """Return the rows (q,) of `shared.cells` in which middle lines of both fields cross, and the crossings (q, 3)."""
     surface, cells = overlay.sheet.surface, shared.cells
     offset_a, offset_b = (overlay.offset[cells, :, field] for field in (shared.one, shared.two))
     crossed = np.sign(offset_a) * np.roll(np.sign(offset_a), -1, axis=1) < 0
@@ -94,7 +94,7 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
     begin, end, t = _places_on_sides(offset_a, F, side)
     every = np.arange(len(row))[:, None]
     values = offset_b[every, begin] + t * (offset_b[every, end] - offset_b[every, begin])
-    # no value is 0, so that a crossing on an edge is in exactly one of its two cells
+    # no value is 0, so that a crossing on an edge lies in exactly one of the two cells at the edge
     values = np.where(np.abs(values) < SAME_PHASE, np.copysign(SAME_PHASE, offset_b[every, begin]), values)
     meets = np.sign(values[:, 0]) * np.sign(values[:, 1]) < 0
     a, b = surface.V[F[every, begin]], surface.V[F[every, end]]
@@ -125,7 +125,7 @@ class Member:
     id     : "A07", "B12b", "rim 1": a letter for the family, a number along the structure, a small letter for a part
              of one stripe.
     kind   : strip, or stub if it is less than twice as long as wide; rim and band along edges; ring and disc around
-             kept places; plate and fill without an axis.
+             a support or load; fill between members, and plate, without an axis.
     family : family of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
     stripe : number of the stripe of most of its cells.    part : number among the members of this stripe, from 1.
     cells  : (c,) cells of the graph's sheet, including cells below other members.
@@ -162,7 +162,7 @@ class Member:
 
     @property
     def width(self) -> Floats:
-        """Widths (k,) at the stations of its axis, metres."""
+        """Widths (k,) of the member at the stations (points) of its axis, metres."""
         return np.asarray(self.sides.sum(axis=1))
 
     @property
@@ -198,7 +198,7 @@ class Node:
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
     """Members and nodes of a design.
-    sheet  : sheet of the design. Edges of members divide its cells, also where another member covers these edges.
+    sheet  : sheet of the design; its cells are divided along the edges of all members, even below another member.
     source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet
@@ -215,7 +215,7 @@ class MemberGraph:
 
     @cached_property
     def nodes_along(self) -> dict[str, tuple[Node, ...]]:
-        """Nodes of each member along its axis, by the member's name, without grazing nodes."""
+        """Nodes along the axis of each member, by the member's name; nodes of kind "grazing" are left out."""
         stations = stations_of_nodes(self.members, self.nodes)
         return {name: tuple(node for _, node in sorted(pairs, key=itemgetter(0))) for name, pairs in stations.items()}
 
@@ -259,7 +259,7 @@ class MemberGraph:
 
     @cached_property
     def stub_share(self) -> float:
-        """Share of the sheet's area in stubs."""
+        """Share of the sheet's area in stubs: members that are less than twice as long as wide."""
         return sum(member.area for member in self._stubs) / self.sheet.surface.area
 
     @property
@@ -269,7 +269,7 @@ class MemberGraph:
         stubs, grazing = self._stubs, [node for node in self.nodes if node.kind == "grazing"]
         if self.stub_share > 0.01:
             lines.append(
-                f"{len(stubs)} stubs, under twice as long as they are wide, make up {self.stub_share:.1%} of the sheet"
+                f"{len(stubs)} stubs (members under twice as long as wide) make up {self.stub_share:.1%} of the sheet"
             )
         if grazing:
             lines.append(f"{len(grazing)} overlaps are not nodes: members graze, and their middle lines do not meet")
@@ -281,7 +281,7 @@ class MemberGraph:
 
 
 def stations_of_nodes(members: Sequence[Member], nodes: Sequence[Node]) -> dict[str, list[tuple[float, Node]]]:
-    """Return arc lengths (m) on the axis and nodes of each member, by its name, without grazing nodes."""
+    """Return each member's nodes and their arc lengths (m) on its axis, by its name; not nodes of kind "grazing"."""
     stations: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}
     for node in nodes:
         if node.kind != "grazing":
@@ -295,7 +295,7 @@ ENDS = 1.0  # Longest piece of a member beyond its end node, in widths of the cr
 
 @dataclass(frozen=True, eq=False)
 class Joints:
-    """Members and their components, with unit normals (n, 3) at the vertices of the overlay."""
+    """Members, the component of cells of each member, and unit normals (n, 3) at the vertices of the divided sheet."""
 
     overlay: Overlay
     members: list[Member]
@@ -303,7 +303,7 @@ class Joints:
     normals: Floats
 
     def nodes(self, shared: list[SharedPatch]) -> list[Node]:
-        """Return the nodes of all overlaps, numbered member by member, along the first of the two members that meet."""
+        """Return the nodes of all overlaps, numbered along each member in turn; a node counts for its first member."""
         listed = []
         for overlap in shared:
             pair = min(overlap.a, overlap.b), max(overlap.a, overlap.b)
@@ -374,7 +374,7 @@ def _angle(a: Floats, b: Floats) -> float:
 
 def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
     """Return the members with the names of their ends.
-    An end has the name of the last node (see `ENDS`), of the next member, "edge" at an edge of the surface, or "free".
+    An end has the name of a nearby node (see `ENDS`), else of an adjacent member, else "edge" (of the sheet) or "free".
     owner   : (m, f) member of each cell for each field, -1 for none.
     surface : the surface before it was cut."""
     members, parts = joints.members, joints.parts

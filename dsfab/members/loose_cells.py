@@ -53,7 +53,7 @@ def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Comp
 
 
 def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]:
-    """Return pairs (b, 2) of patch and adjacent component, ascending, and lengths (b,), m, of common borders."""
+    """Return sorted pairs (b, 2) of a patch of loose cells and an adjacent component; common border lengths (b,), m."""
     surface, total = overlay.sheet.surface, int(member.max()) + 1
     f, g = np.concatenate([overlay.adjacent_cells, overlay.adjacent_cells[:, ::-1]]).T
     edge = np.tile(surface.edges.of.ravel()[surface.edges.pairs[:, 0]], 2)
@@ -80,11 +80,11 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 FOLLOWS, INTO = 3.0, 1.5
 """A line follows kept material if its length inside exceeds FOLLOWS widths of the material.
-Such a line ends INTO widths after its entry, so that it meets the middle line of the material."""
+Such a line ends inside, INTO widths after it enters the material, so that it meets the material's middle line."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Return the components without strips along kept material; a strip's cells go to the component that hides it."""
+    """Remove parts of strips that run inside kept material, such as a rim; their cells go to the rim's component."""
     areas, made_by = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, components)
     is_kept = np.array([c.kind != "strip" and c.field >= 0 for c in components], dtype=bool)
@@ -110,7 +110,7 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """Return the line, opened if closed, and the first and last points of its parts that run inside kept material.
+    """Return the line, and the first and last point of each part inside kept material. A closed line is cut open.
     width     : (k - 1,) width (m) of the material that hides each segment, or 0.
     own_width : width of the line's member, metres."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:

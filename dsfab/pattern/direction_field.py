@@ -16,7 +16,7 @@ from dsfab.surface import link_components
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
-"""Largest cosine between a boundary and the gradient of stripes that follow it: they deviate by 17 degrees."""
+"""Stripes follow a boundary if the cosine between the boundary and their gradient is below this (17 degrees)."""
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
@@ -40,9 +40,9 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
-    """Return a mask (n,) of vertices at which the tangents `along` (n, 3), up to sign, belong to the other family.
-    In a region, the direction rotates by less than 45 degrees from vertex to vertex. The families keep their names in
-    the largest region, and exchange them at each border between regions."""
+    """Return a mask (n,) of vertices at which the major and the minor family exchange names.
+    along : (n, 3) tangents of major stripes, up to sign. In a region, they rotate by less than 45 degrees from vertex
+    to vertex. Families keep their names in the largest region. They exchange names at each border between regions."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -54,7 +54,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
     is_border = region_i != region_j
     border = coo_array((metres[is_border], (region_i[is_border], region_j[is_border])), shape=(count, count)).tocsr()
     border = csr_array(border + border.T)
-    border.data = -border.data  # so that the tree takes long borders first
+    border.data = -border.data  # negative lengths: the minimum spanning tree then contains the longest borders
     tree = minimum_spanning_tree(border)
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
@@ -76,7 +76,7 @@ def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
 
 
 def _cut_edges(surface: Surface, singular: Bools) -> Bools:
-    """Return a mask (e,) of edges to cut, which cross paths between singular faces (m,) and boundaries."""
+    """Return a mask (e,) of edges that are crossed by paths of faces between `singular` faces (m,) and boundaries."""
     edges = surface.edges
     is_cut = np.zeros(len(edges.ends), dtype=bool)
     if not singular.any():
@@ -142,7 +142,7 @@ def _propagated_signs(surface: Surface, against: Bools, crossed: Bools) -> Float
 
 
 def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
-    """Return the products (k,) of the links' signs along the paths from the first vertex of a search."""
+    """Return for each vertex in `order` (k,) the product of the signs in `link` on its path from the first vertex."""
     parent = predecessor[order[1:]]
     sign = np.concatenate([[1.0], np.asarray(link[parent, order[1:]]).ravel()])
     place = np.empty(len(predecessor), dtype=np.int64)
@@ -154,7 +154,7 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     return sign
 
 
-FLOOR = 1e-6  # Smallest weight of the stress; a clear stress has 1. It makes the field unique without stress.
+FLOOR = 1e-6  # Smallest weight of the stress; a clear stress has 1. Above 0, the field is unique without stress.
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ class StressDirections:
 
 RISE = (0.02, 0.75)
 """Limits of the mean squared slope (sine) of a shell with arches: a flat plate has 0, half a sphere 2/3, a tower 1."""
-CLEAR_SHARE = 0.75  # Smallest fraction of a family's area on which its title, such as "pressed", is true.
+CLEAR_SHARE = 0.75  # Smallest fraction of a family's area that must be pulled to call the family "pulled".
 
 
 class FamilyRole(NamedTuple):
@@ -201,7 +201,7 @@ class FamilyRole(NamedTuple):
 
 def family_roles(surface: Surface, directions: StressDirections) -> tuple[FamilyRole, FamilyRole]:
     """Return the roles of the major and the minor family under principal stresses with signs; z points up.
-    Hoops and purlins are level in the mean, weighted by squared slope. Arches rise, and are pressed."""
+    Hoops and purlins are horizontal on average, weighted by squared slope. Arches rise, mainly in compression."""
     size = surface.areas[:, None] * np.abs(directions.stress)
     total = size.sum(axis=0)
     pulled = np.divide((size * (directions.stress > 0)).sum(axis=0), total, out=np.full(2, np.nan), where=total > 0)
@@ -222,7 +222,7 @@ def cross_field(
 ) -> Floats:
     """Return unit directions (n, 3) of the major stripes at the vertices; their sign has no meaning.
 
-    length   : metres over which the directions of unclear stress are smoothed.
+    length   : metres over which directions of low confidence are smoothed.
     turn     : rotation from the stress, radians, counter-clockwise as seen from the tip of the normal.
     guidance : guides, which are not rotated.
 

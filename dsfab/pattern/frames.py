@@ -14,8 +14,8 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Largest number of vertices at reversed edges that are eliminated separately.
-Each such vertex costs a solve for every factor. For more vertices, the real matrix of twice the size is faster."""
+"""Largest number of vertices for `_corrected_solver`: ends of edges that couple a number with a complex conjugate.
+Each such vertex costs a solve for every factor. For more vertices, a real matrix (2 n, 2 n) is faster."""
 
 Solve = Callable[[Complexes], Complexes]
 
@@ -92,7 +92,7 @@ class _EntryPositions:
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
     """Return the solver b -> x of H x - W conj(x) = b; `solve` solves H. W (n, s) acts on conjugates at vertices (s,).
-    With Z = H^-1 W, the solution is x = H^-1 b + Z conj(x). First 2 s real equations give x at these vertices."""
+    With Z = H^-1 W, the solution is x = H^-1 b + Z conj(x). The solver first finds x at the vertices (s,)."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
     inverse = np.linalg.inv(
@@ -154,12 +154,12 @@ class Frames:
         return np.cos(angle)[:, None] * self.t1 + np.sin(angle)[:, None] * self.t2
 
     def coupling(self, turn: Floats) -> Complexes:
-        """Return w e^{i turn} (e,): an edge couples the numbers at its ends after a rotation by `turn` (e,)."""
+        """Return the complex weight w e^{i turn} (e,) of each edge; w is its cotangent weight. turn : (e,) radians."""
         return np.asarray(self.weight * np.exp(1j * turn))
 
     @cached_property
     def twisted_factors(self) -> TwistedFactors:
-        """Factors of matrices that couple the numbers at both ends of every edge."""
+        """Factors of twisted Laplacians: matrices with a complex weight for each edge, see `coupling`."""
         return TwistedFactors(self.surface.V, self.ends)
 
 

@@ -29,11 +29,11 @@ class Guide:
     reach     : straight distance from the curve at which the weight falls to 0, metres; default: the smaller spacing of
                 the stripes.
     at        : a region, instead of a curve.
-    direction : of the stripes in the region. Its tangential part counts.
-    weight    : 1 counts as much as clear stress, 0 not at all; 100 or more overrules stress.
+    direction : direction (3,) of stripes in the region; its part tangential to the surface is used.
+    weight    : 1 is as strong as a stress with full confidence; 0 has no effect; 100 or more overrules the stress.
     family    : the family whose stripes follow the guide. Stripes of the other family run across it.
     member    : True for a member on the curve itself, whatever the weight.
-    Raises GuideError without a curve or a region, with both, and for a region with a member or without a direction."""
+    Raises GuideError unless either a curve or a region is given. A region needs a direction, and cannot be a member."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     curve: tuple[Vector, ...] | None = None
@@ -48,7 +48,7 @@ class Guide:
         if (self.curve is None) == (self.at is None):
             raise GuideError("give either curve = [[x, y, z], ...] or at = { pick = ... } with a direction")
         if self.at is not None and self.reach is not None:
-            raise GuideError("reach is for a curve; the pick alone sets the size of a region")
+            raise GuideError("reach is for a curve; remove reach from a region, whose size follows from pick")
         if self.at is not None and self.member:
             raise GuideError("member is for a curve; remove member from a region")
         if self.curve is not None and self.direction is not None:
@@ -60,13 +60,13 @@ class Guide:
 
     @property
     def pull(self) -> float:
-        """The weight of the guide; at least 100 for a member."""
+        """Weight of the guide in the minimisation; at least 100 if the guide's curve becomes a member."""
         return max(self.weight, 100.0) if self.member else self.weight
 
 
 @dataclass(frozen=True, eq=False)
 class Guidance:
-    """Term of a guide in the minimisation of a cross field z: weight |z^2 - square / weight|^2.
+    """Effect of a guide (see `Guide`) on a cross field z: the term weight |z^2 - square / weight|^2 is minimised.
     weight : (n,) at the vertices.    square : (n,) complex in their frames: weight x (direction of major stripes)^2."""
 
     weight: Floats
@@ -74,15 +74,15 @@ class Guidance:
 
     @classmethod
     def from_guides(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
-        """Return the guidance of each guide with a weight above 0.
-        spacing : default reach of curves, metres. Raises PatternError for a guide that has no effect."""
+        """Return a `Guidance` for each of the user's guides with a weight above 0.
+        spacing : reach (m) of curves without a reach of their own. Raises PatternError for a guide without effect."""
         squares = [(guide, _guide_squares(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
         weighted = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in squares]
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
-        """Return symmetric tensors (n, 3, 3) of trace 0 in space, for comparing guides at distant vertices.
-        A weight w gives a tensor of size w / (1 + w), because beyond w = 100 the field hardly changes."""
+        """Return the guide's directions as symmetric tensors (n, 3, 3) of trace 0, to compare distant vertices.
+        For a weight w of the guide at a vertex, the tensor has the size w / (1 + w)."""
         e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
         strength = self.square / (1 + self.weight)
@@ -112,8 +112,8 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
-    """Return squares (n,) of the direction of the curve's nearest piece, complex; their size falls to 0 at the reach.
-    Other pieces count less, and only if they are farther by less than a tenth of the reach."""
+    """Return squares (n,) of the curve's direction at each vertex, complex numbers; their size falls to 0 at `reach`.
+    The direction is a mean of the nearest piece and of pieces that are farther by less than a tenth of the reach."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -141,7 +141,7 @@ def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Comp
     return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
 
 
-ON_EDGE = 1e-9  # Largest barycentric weight, at the opposite corner, of a point on an edge.
+ON_EDGE = 1e-9  # A point is on an edge if its barycentric coordinate for the opposite corner is below this.
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +156,7 @@ class GuideLine:
 
     @classmethod
     def from_guides(cls, surface: Surface, guides: Sequence[Guide]) -> "list[GuideLine]":
-        """Return the curves of guides with `member`, projected to the surface, as far as they lie within its boundary.
+        """Return the curves of guides with `member` = True, projected to the surface and cut off at its boundary.
         Raises PatternError for a curve off the surface."""
         lines = []
         for k, guide in enumerate(guides):
@@ -188,7 +188,7 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the fraction of the curve's points within 5 % of a period of a centre line (a multiple of `step`)."""
+        """Return the fraction of points whose phase is within 0.05 periods of a multiple of `step`: a centre line."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))

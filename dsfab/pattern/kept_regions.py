@@ -12,20 +12,20 @@ from dsfab.surface import Distances, Origins, PatternRegion, Surface, geodesic_d
 from dsfab.surface.fields import DividedField, DividedSurface
 from dsfab.surface.topology import link_components
 
-EVEN = 0.01  # Largest error of a region's outline, divided by the region's reach.
+EVEN = 0.01  # Largest error of a region's outline, divided by the distance from the region's origins to its outline.
 SNAP = 0.05
 """Usual `slicing.snap`: a cut moves an outline onto vertices within this fraction of a mesh edge.
 Edges at a vertex are halved if the outline would move by more than twice `EVEN`."""
 SHORT = 1 / 16
-"""Edges under this fraction of the reach are not halved: they lie between two equally near parts of the boundary."""
+"""Smallest edge that is halved, divided by the distance from a region's origins to its outline (reach)."""
 FINEST = 1 / 16
 """Smallest edge that is halved, as a fraction of the longest side of its face.
-A sheet with smaller parts is hard to solve. The corners of a region are blunt by up to half of this length."""
+A sheet with smaller parts is hard to solve. The corners of an outline may be cut off by up to half of such an edge."""
 NEAR = 0.3
 """Largest move of an outline onto a vertex, as a fraction of a mesh edge; it is also at most `EVEN`.
 An outline beside a vertex would make very thin triangles."""
 ASIDE = 0.1
-"""An edge is divided at an outline within this distance of its middle, as a fraction of the edge.
+"""If an outline crosses an edge nearer to its middle than this fraction of the edge, the crossing divides the edge.
 A vertex at the middle would lie too close to the outline."""
 
 
@@ -34,7 +34,7 @@ def curve_fields(
 ) -> list[Floats | DividedField]:
     """Return the field (n,) of each region: minus the distance along the surface from its origins, metres.
 
-    A region's field is minus its reach on its outline. Faces at the outline are divided if the distance is not linear.
+    On a region's outline, the field equals minus the reach. Faces there are divided if the distance is not linear.
     All fields share the divided surface. The division ends after `rounds` rounds or `most_parts` new faces. Far
     outside a region, distances are only lower bounds."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
@@ -55,7 +55,7 @@ def curve_fields(
 
 
 def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Bools:
-    """Return a mask (e',) of edges to divide for any of the regions; none inside an earlier region."""
+    """Return a mask (e',) of edges to divide for any region, except edges inside an earlier region of the list."""
     parts, uncut = divided.surface, divided.whole
     size, sides = parts.edge_lengths, parts.edges.of
     finest, longest = np.zeros(len(size)), uncut.edge_lengths[uncut.edges.of].max(axis=1)
@@ -91,7 +91,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,). Distances near the reach (see `NEAR`) become the reach, unless a whole face is near."""
+    """Return distances (n,). Values near `reach` (see `NEAR`) become `reach`, except in faces with only near values."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -99,7 +99,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return a region's field (n,) on undivided faces, from straight distances if those are nearly the same."""
+    """Return a region's field (n,) on undivided faces. Straight distances are used if they are nearly the same."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -117,12 +117,12 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return a mask (e,) of edges at an outline where distances are not linear, or snaps move the outline too far."""
+    """Return a mask (e,) of edges at an outline where distances are not linear, or `SNAP` moves it too far."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
     farthest = np.maximum(vertex[surface.F[faces]], middle[sides]).max(axis=1)
-    deviation[farthest == 0] = reach  # if all sides are on the boundary, only a division can show distances
+    deviation[farthest == 0] = reach  # a face with only sides at distance 0 is divided to show distances inside
     is_uneven = np.zeros(len(ends), dtype=bool)
     is_uneven[sides[(deviation > EVEN * reach) & (farthest + deviation.max(axis=1) >= reach)[:, None]]] = True
     finite = _finite_distances(vertex, reach)
@@ -143,8 +143,8 @@ def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RegionBand:
-    """A band along the outline of a region, on its inside.
-    outline : edges between faces inside and outside the region, as origins of distances.    width : metres.
+    """A band along the outline of a region, inside the region.
+    outline : edges between faces inside and outside the region; `layer` has distances from them.    width : metres.
     inside  : (n,) 1 inside the region, 0 on its outline, -1 outside."""
 
     outline: Origins
@@ -152,9 +152,9 @@ class RegionBand:
     inside: Floats
 
     def layer(self, field: Floats | DividedField) -> Layer:
-        """Return the layer of the band; field : minus the distance (n,) from the outline, metres.
-        The layer has the level 0 and two fields. Material is where the first field, `inside`, is above the level, and
-        the second field, distance - width, is below it."""
+        """Return the band as a layer. field : minus the distance (n,) from the outline, metres.
+        The layer has the level 0 and two fields: `inside`, and distance - width. Material is where `inside` is above 0
+        and distance - width is below 0."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -174,14 +174,14 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
-    """Return the bands of regions. Default width: `rim` (m), or half of area / length of the outline if `rim` is 0.
+    """Return a band for each region with do = "rim". Default width: `rim` (m), or half of area / outline if it is 0.
     Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
         inside = region_sides(surface, faces)
         edges = outline_edges(surface, faces)
         if not edges.any():
-            raise PatternError(f"{region_key(regions, k)} has no edge on the surface for a band; move the region")
+            raise PatternError(f"{region_key(regions, k)} has no edge on the surface; for a band, move the region")
         length = float(surface.edge_lengths[edges].sum())
         width = regions[k].width or rim or 0.25 * 2 * float(surface.areas[faces].sum()) / length
         origins = Origins(_edge_ends(surface, edges), edges, np.zeros(surface.m, dtype=bool))
@@ -199,13 +199,13 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
             raise PatternError(f"{region_key(regions, k)}: {error}") from None
         if not faces.any():
             raise PatternError(
-                f"{region_key(regions, k)} contains no face of the surface; make the region larger, or pick by a ball"
+                f"{region_key(regions, k)} contains no face of the surface; enlarge the region, or use pick = 'ball'"
             )
         yield k, faces
 
 
 def region_sides(surface: Surface, faces: Bools) -> Floats:
-    """Return 1 (n,) at vertices of marked faces (m,) only, -1 at vertices of other faces only, else 0."""
+    """Return 1 (n,) at vertices whose faces are all marked, -1 at vertices without a marked face, else 0."""
     is_side = np.zeros((2, surface.n), dtype=bool)
     is_side[0, surface.F[faces]] = is_side[1, surface.F[~faces]] = True
     return np.asarray(is_side[0].astype(np.float64) - is_side[1])
@@ -231,8 +231,8 @@ def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.in
 
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
-    """Return a mask (n,) of marked vertices in patches, which have marked faces. Other vertices form points and curves.
-    Faces with three boundary vertices, and inner edges with two, do not count as marked: they depend on the mesh."""
+    """Return a mask (n,) of marked vertices in patches. A patch has at least one face with three marked vertices.
+    Faces and inner edges with all vertices on the boundary are ignored, because they depend on the mesh."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))
@@ -246,7 +246,7 @@ def distance_to_patches(surface: Surface, vertices: Bools) -> Floats:
 
 
 def boundary_origins(surface: Surface) -> Origins:
-    """Return the boundary as origins of distances."""
+    """Return the boundary edges and vertices as `Origins`, from which distances are measured."""
     edges = surface.edges.boundary
     return Origins(_edge_ends(surface, edges), edges, np.zeros(surface.m, dtype=bool))
 

@@ -23,7 +23,7 @@ class Layer(NamedTuple):
 
     field      : values, a corner field, or a field that is linear on parts of faces.
     half_width : (n,) d in periods, for shaders.
-    closed     : (n,) values or None. An opening with a positive mean value becomes material."""
+    closed     : (n,) values: an opening becomes material if their mean in the opening is positive. None: none does."""
 
     name: str
     field: Floats | CornerField | DividedField
@@ -52,14 +52,14 @@ class ModeFamily:
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
     def with_stress(self, stress: Floats) -> Self:
-        """Return the family under another stress (n,)."""
+        """Return a copy of the family with another stress (n,)."""
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
         """Return half widths d (n,), in periods."""
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
-    adds = 0  # see `DrawableFamily`
+    adds = 0  # any position is right, because stripes on a mode have no finer stripes; see `DrawableFamily`
 
     @property
     def density(self) -> Floats:
@@ -77,7 +77,7 @@ class ModeFamily:
 class DrawableFamily(Protocol):
     """A family of stripes, on a mode or evenly spaced.
     density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
-    adds    : position in the order in which families add finer stripes."""
+    adds    : position of the family; the family at position 0 adds its finer stripes first."""
 
     @property
     def adds(self) -> int: ...
@@ -95,7 +95,7 @@ class DrawableFamily(Protocol):
     def stress(self) -> Floats: ...
 
     def with_stress(self, stress: Floats) -> Self:
-        """Return the family under another stress (n,)."""
+        """Return a copy of the family with another stress (n,)."""
         ...
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
@@ -103,16 +103,16 @@ class DrawableFamily(Protocol):
         ...
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the layers: first stripes that exist everywhere, then finer stripes in the openings between them.
-        closing : factor that decides which openings become material as a whole; default `factor`. A fixed `closing`
-                  prevents jumps of the fraction of material as `factor` grows."""
+        """Return the layers: first coarse stripes on the whole surface, then finer stripes in openings between them.
+        closing : factor of the widths that decide which openings are filled completely; default `factor`. A fixed
+                  `closing` prevents jumps of the fraction of material as `factor` grows."""
         ...
 
 
 def stripe_layers(
     families: Sequence[DrawableFamily], widths: Widths, factor: float = 1.0, closing: float = 0.0
 ) -> list[Layer]:
-    """Return the layers of all families: stripes that exist everywhere, then finer stripes, in the order of `adds`."""
+    """Return the layers of all families: first the coarse stripes, then finer stripes by `DrawableFamily.adds`."""
     family_layers = [(family.adds, family.layers(widths, factor, closing)) for family in families]
     return [layers[0] for _, layers in family_layers] + [
         layer for _, layers in sorted(family_layers, key=itemgetter(0)) for layer in layers[1:]
@@ -120,7 +120,7 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the common factor on graded widths that keeps the mean fraction of material of the thresholds.
+    """Return the common factor on graded widths that gives the same mean fraction of material as the thresholds.
     Bounds in metres apply afterwards. Raises PatternError if too little of the surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
@@ -132,13 +132,13 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Ratios of a member's width to the crowded width.
+"""Ratios of a member's half width to the crowded half width, which is `CROWDING` times the median half width.
 Up to the first ratio, members become thinner, so that openings stay. From the second ratio on, members merge.
 Openings that become material as a whole (`Layer.closed`) use `WHOLE` instead."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
-"""Values of `CLOSING_WIDTHS` for widths that follow the stress, because stressed places need material."""
+"""Replaces `CLOSING_WIDTHS` if widths follow the stress. Members then merge earlier: stressed places need material."""
 WHOLE = 1.3
-"""Ratio of the mean width to the crowded width at which an opening becomes material as a whole.
+"""Ratio of the mean width to the crowded width (`CLOSING_WIDTHS`) at which an opening becomes material as a whole.
 If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces it."""
 WIDTH_RULES = {
     "solid": SOLID,
@@ -147,15 +147,15 @@ WIDTH_RULES = {
     "closing": CLOSING_WIDTHS,
     "following": FOLLOWING_WIDTHS,
 }
-"""The limits above for the editor's page, which shows widths as the user moves a slider."""
+"""Limits of stripe widths for the editor's page, which shows widths as the user moves a slider."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
     """Stripes with centre lines where a phase is a whole number. Halvings remove some of these lines.
 
-    phase   : at the corners, with all lines before halving.
-    wanted  : for each halving, from the finest lines on: (m,) fraction of each face in which its lines remain.
+    phase   : phase at the corners of the faces, before any line is removed.
+    wanted  : for each halving, the finest lines first: (m,) fraction of each face in which the halving keeps its lines.
               Lines at multiples of 2^len(wanted) remain everywhere.
     slope   : (n,) lines of the phase per metre.    density : (n,) remaining lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
@@ -172,16 +172,16 @@ class EvenFamily:
     whole: bool = False
 
     def with_stress(self, stress: Floats) -> Self:
-        """Return the family under another stress (n,)."""
+        """Return a copy of the family with another stress (n,)."""
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths d (n,), in periods of the remaining lines.
-        Crowded members become thinner or merge, see `CLOSING_WIDTHS`; under the rule `plain` they stay."""
+        """Return half widths d (n,), in periods of the lines that halvings leave.
+        Crowded members become thinner or merge, see `CLOSING_WIDTHS`; the rule `plain` does not change them."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the coarse stripes, which exist everywhere, then finer and finer stripes."""
+        """Return a layer of coarse stripes on the whole surface, then a layer of finer stripes for each halving."""
         requested = self._requested_half_widths(widths, factor)
         local = self._closed_half_widths(requested, widths)
         opened, closed = local, None
@@ -201,7 +201,7 @@ class EvenFamily:
         return layers
 
     def _requested_half_widths(self, widths: Widths, factor: float) -> Floats:
-        """Return half widths (n,), in periods of the remaining lines, before narrow openings change them."""
+        """Return the half widths (n,) of the width rule alone, in periods of the lines that halvings leave."""
         rule = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
         return rule.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
@@ -233,8 +233,8 @@ class EvenFamily:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """Return half widths (n,) in periods of the phase, from `local` half widths in periods of the remaining lines.
-    If neighbours touch, all space between the coarsest lines is material."""
+    """Return half widths (n,) in periods of the phase. local : half widths in periods of the lines that halvings leave.
+    If neighbouring stripes touch, all space between lines that no halving removes is material."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 
@@ -258,7 +258,7 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # estimate: only the cut knows the openings
+            if layer.closed is not None:  # an estimate at points: only the cut sheet has whole openings
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -279,13 +279,13 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
 
 
 def _is_drawn(field: CornerField) -> Bools:
-    """Return a mask (m,) of faces on which a field applies, each face as a whole; the cut is more accurate."""
+    """Return a mask (m,) of faces on more than half of which a field applies; the cut divides such faces."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
     """Return a function that estimates the fraction of the surface that layers cover, from sample points.
-    The layers that it takes must begin with `kept_layers`, which it counts only once. The error is about 0.003."""
+    Its argument is a list of layers that begins with `kept_layers`. The error is about 0.003."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 

@@ -17,9 +17,9 @@ from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
 """Shift of the inverse iteration, times the squared spacing. It makes the matrix definite; the eigenvectors stay."""
-FLOW = 0.25  # Inverse duration of a step of diffusion, divided by (2 pi / spacing)^2.
+FLOW = 0.25  # 1 / duration of a step of diffusion, in units of (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
-"""A locked phase this near to its target, in periods, becomes the target, so that edges get straight members."""
+"""Phases of locked vertices become their target if the error, in periods, is less: members at edges are straight."""
 LOCK = 3.0  # Weight of a locked phase, divided by (2 pi / spacing)^2.
 
 
@@ -34,13 +34,13 @@ class Flow:
 
     @cached_property
     def sign(self) -> Floats:
-        """(e,) 1 if g points to the same side at both ends of an edge, else -1."""
+        """(e,) 1 if the gradient directions g at both ends of an edge point to the same side, else -1."""
         i, j = self.frames.ends.T
         return self.frames.sides(self.g, i, j)
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase along each edge, periods, with the sign of g at the edge's first end."""
+        """(e,) growth of the phase along each edge, periods; its sign is for the gradient g at the edge's first end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -60,14 +60,14 @@ class Flow:
         free: bool = False,
         rounds: int = 10,
     ) -> Floats:
-        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2. The sign of a phase is that of g at its vertex.
+        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2. Phases grow along the direction g of a vertex.
 
         The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
-        edges of weight w. If g is reversed along an edge, psi_i is conjugated. At first, only the norm of all numbers
-        psi together is fixed. Then steps of diffusion and normalisation give each number the size 1 [Merriman, Bence,
-        Osher 1992; for phases Viertel, Osting 2019].
+        edges of weight w. If g is reversed along an edge, psi_i is conjugated. At first, only the norm of the vector
+        psi is fixed. Then steps of diffusion and normalisation give each number the size 1 [Merriman, Bence, Osher
+        1992; for phases Viertel, Osting 2019].
 
-        start : (n,) start of the iteration. Without locked vertices, a line passes through its peak.
+        start : (n,) start of the iteration. Without locked vertices, a centre line passes through its largest value.
         lock  : (n,) vertices on the centre line of a stripe.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; default 0.
         free  : True to begin without locked vertices, because their phases may not fit together.
@@ -96,8 +96,8 @@ class Flow:
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
-    """Return the result (n,) of 20 inverse iterations with B from start (n,), by 12 solves, with an error of 1e-5.
-    B conjugates some numbers, so it is linear only for their real and imaginary parts."""
+    """Return B^20 start (n,), with norm 1 and an error of 1e-5, from a Krylov space of 12 products with B.
+    B conjugates some of the complex numbers, so only a real matrix of their real and imaginary parts can express B."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
     )
@@ -144,8 +144,8 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
-    """Return phases (n,), in periods, shifted by half a period if more weight (n,) then lies on centre lines.
-    Shifted phases are as good for `Flow.solve`. Phases stay if the weighted mean of their cosine is above -0.02."""
+    """Return phases (n,), in periods. Shift all by half a period if centre lines then pass through more weight (n,).
+    `Flow.solve` has no preference. A shift needs a weighted mean of cos(2 pi phase) below -0.02."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -192,7 +192,7 @@ class CornerPhase:
 
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
-    """Return the phases (n,) of `Flow.solve`, in periods, as a phase at the corners of the faces.
+    """Return the phases (n,) of `Flow.solve`, in periods, as a `CornerPhase`, which is linear on each face.
     alternative : function that returns other phases (n,). It is called only if stripes end within faces. Its phases
                   replace `phase` if stripes then end in fewer faces."""
     result = _face_phases(flow, phase)
@@ -203,15 +203,15 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     """Return phases at the corners of each face from `phase` (n,), without regard to its neighbours.
-    From corner to corner, a phase grows by the possible value nearest to `flow.turn`. A face is singular unless the
-    phase returns to its start and its sign."""
+    Phases at two corners may differ by whole periods; the growth nearest to `flow.turn` is taken. A face is singular
+    unless the phase returns to its start and its sign."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
     forward = i[edge] == F  # half-edges that run in their edge's direction
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # with the sign of g at the start
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # signed for the gradient g at the start
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -227,7 +227,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with equal signs and periods in adjacent faces, by a search from face to face.
+    """Return the phase after a search from face to face, which gives adjacent faces the same sign and shift.
     In adjacent faces f, g, sign s and shift q satisfy z_f = s z_g + q at the start of their half-edge h0."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
@@ -254,14 +254,14 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set signs and shifts (m,) of the faces, in the `order` in which a search from a first face reached them.
-    At first, signs and shifts are relative to an earlier face. Each step halves the paths to the first face."""
+    """Set `signs` and `shifts` (m,), which relate the phase of each face to the first face in `order` of a search.
+    At first, they relate each face to its `predecessor`. Each loop halves the path to the first face."""
     child = order[1:]
     if not len(child):
         return
     parent = predecessor[child]
     entry = np.asarray(link[parent, child]).ravel()
-    index, forward = np.abs(entry) - 1, entry > 0  # forward: z_parent = s z_child + q
+    index, forward = np.abs(entry) - 1, entry > 0  # forward: phase in parent face = s (phase in child face) + q
     step_sign, step_shift = s[index], np.where(forward, q[index], -s[index] * q[index])
     place = np.empty(len(predecessor), dtype=np.int64)
     place[order] = np.arange(len(order))
@@ -275,7 +275,7 @@ def propagate_phases(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with each vertex's value as its first face sees it: signs 1 and shifts 0, except at seams."""
+    """Return the phase with the values in the first face at each vertex: signs 1 and shifts 0, except at seams."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

@@ -12,12 +12,12 @@ from dsfab.pattern.frames import Frames, corner_sums
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-SMOOTH = 0.02  # Weight of |grad u|^2, which determines u where directions are unclear.
+SMOOTH = 0.02  # Weight of |grad u|^2, for u = log(density); it determines u where directions are unclear.
 EVEN = 0.3
-"""Weight of u^2, divided by the area of the surface: it keeps the density near its mean."""
-RANGE = (-2.0, 1.5)  # Bounds of u without halving.
+"""Weight of u^2 for u = log(density of stripes), divided by the surface's area: it keeps the density near its mean."""
+RANGE = (-2.0, 1.5)  # Bounds of u = log(density) if no halving removes every second stripe (see `Halving`).
 COARSE_RANGE = (-1.0, 3.0)
-"""Bounds of u with halving, which lowers large densities, so the upper bound is larger."""
+"""Bounds of u = log(density) if halvings (see `Halving`) are allowed. They lower large densities."""
 MOST_HALVINGS = 3
 
 
@@ -46,14 +46,14 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
     diagonal = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
     right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
-    # complex, because the phases have the same pattern, which is already analysed
+    # complex numbers, because the matrix of the phases is complex; its sparse pattern is already analysed
     u = frames.twisted_factors.hermitian(coupling.astype(complex), diagonal)(right.astype(complex)).real
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 
 
 class Halving(NamedTuple):
-    """Numbers of times that the density of lines is halved: at each vertex the whole number below `wish` (n,).
-    most : largest number.    wish : (n,) ideal numbers, from 0 to `most`.    free : (n,) the same without bounds.
+    """Number of halvings at each vertex, floor(`wish`). A halving removes every second line.
+    most : largest number.    wish : (n,) ideal numbers, from 0 to `most`.    free : (n,) ideal numbers, also outside.
     limits : bounds of the logarithm of the density before halving."""
 
     most: int
@@ -69,9 +69,9 @@ class Halving(NamedTuple):
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     """Return the halvings that make the spacing of stripes most even; u : (n,) logarithm of their density.
-    The function tries lower limits of the density after halving, from the median to a quarter of it. The best limit
-    gives the smallest ratio of the percentiles P95 and P5 of the spacing. Each halving must reduce this ratio by 5 %,
-    because halvings end members. The densest 2 % of the area do not count."""
+    After halving, the density has a lower limit. The function tries limits from the median density to a quarter of the
+    median. The best limit gives the smallest ratio of the percentiles P95 and P5 of the spacing. Each halving must
+    reduce this ratio by 5 %, because halvings end members. The densest 2 % of the area do not count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
     ascending = np.argsort(u, kind="stable")  # sorted once, for fast quantiles
@@ -96,7 +96,7 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
-    """Return periods of the phase per metre (n,), so that lines after halving are `spacing` metres apart on average."""
+    """Return periods of the phase per metre (n,). Lines that halvings leave are on average `spacing` metres apart."""
     w = np.exp(np.clip(u, *halved.limits))
     remaining = w / 2**halved.times
     mean = float(surface.vertex_areas @ remaining) / surface.area

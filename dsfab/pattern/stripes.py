@@ -1,4 +1,4 @@
-"""`Stripes`: a family of material stripes on a mode, and the triangle wave (paper, section 3.5)."""
+"""`Stripes`: stripes of material on an eigenmode; and the triangle wave [Diffusion Structures, section 3.5]."""
 
 from dataclasses import dataclass, replace
 
@@ -58,17 +58,17 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d and z - d (n, 2), for half widths d (n,): material has a whole number between both."""
+        """Return z + d and z - d (n, 2), for half widths d (n,). In material, a whole number lies between them."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return the whole numbers (k,) in the range of z for x (n,), and one or two more: the levels of `band`."""
+        """Return the whole numbers (k,) from below the smallest to above the largest phase z of x (n,), for `band`."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 
     def value(self, x: Floats) -> Floats:
-        """Return p(frequency x + phase) - threshold of x (...): positive in the material."""
+        """Return the triangle wave of frequency x + phase, minus the threshold, for x (...): positive in material."""
         return wave(self.frequency * x + self.phase) - self.threshold
 
     def levels(self, x: Floats) -> Floats:
@@ -78,7 +78,7 @@ class Stripes:
         d = self.half_width
         if d == 0:
             return np.empty(0)
-        if d >= 0.5:  # a single level below all values: all is material
+        if d >= 0.5:  # all is material: the only level lies below all values
             return np.array([x.min() - 1.0 / self.frequency])
         k = self.middles(x)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
@@ -91,5 +91,5 @@ def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
     lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres per unit of frequency
     if not lines * spacing > 0:
-        raise PatternError("spacing needs a mode that is not constant, and a positive length in metres")
+        raise PatternError("spacing must be a positive length in metres, on an eigenmode that is not constant")
     return surface.area / (spacing * lines)

@@ -15,9 +15,9 @@ from dsfab.surface import Surface, geodesic_distances
 from dsfab.surface.fields import hat_gradients
 
 REACH = 1.5
-"""Distance from a small loop within which stripes form rings and rays, divided by the spacing of stripes."""
+"""Largest distance from a small loop at which stripes form rings and rays, divided by the spacing of stripes."""
 PULL = 100.0
-"""Weight of a small loop at its edge, which overrules the stress (see `Guide.weight`); it falls to 0 at `REACH`."""
+"""Weight of rings and rays at their small loop, larger than that of the stress (`Guide.weight`); 0 at `REACH`."""
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
@@ -40,7 +40,7 @@ class LoopSurroundings:
 
     @classmethod
     def from_support(cls, frames: Frames, supported: Bools, spacing: float) -> tuple[Self, ...]:
-        """Return the surroundings of each loop of `small_loops`, which has the same arguments."""
+        """Return the surroundings of each small supported loop; the arguments are those of `small_loops`."""
         surface, reach, surroundings = frames.surface, REACH * spacing, []
         for loop in small_loops(surface, supported, spacing):
             on_loop = np.isin(np.arange(surface.n), loop)

@@ -11,7 +11,7 @@ from dsfab.core.arrays import Bools, Complexes, Floats, Ints
 from dsfab.pattern.frames import Frames, dots
 
 Projection = Callable[[Complexes], Complexes]
-"""A function that turns complex numbers (n,) at the vertices into the nearest symmetric field."""
+"""A function from complex numbers (n,) at the vertices to the nearest field with the symmetry of the surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Images:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return a mask (m,) of faces with a marked image, because rounding decides which face at a vertex is singular.
+        """Return a mask (m,) of faces with a marked image. Rounding errors may mark a singular face at one image only.
         Marks stay unchanged if images of vertices are not vertices."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
@@ -58,8 +58,8 @@ class Images:
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
         """Return the projection onto symmetric phases; their gradient at V (n, 3) is `density` (n,) x g (n, 3).
 
-        If g is reversed at an image, the phase is conjugated. The phases of the vertices around an image grow on the
-        way to the image, because a plain mean has large errors."""
+        If g is reversed at an image, the phase is conjugated. The phases of the vertices around an image are
+        extrapolated to the image, because a plain mean has large errors."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g
@@ -70,7 +70,7 @@ class Images:
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
-        """Return the maps (n, n) to the images of vertices, one for phases and one for conjugate phases.
+        """Return matrices A, B (n, n): phases x have the values A x + B conj(x) at the images of the vertices.
         growth : (n, 3) gradient of the phase, up to sign, periods per metre."""
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
@@ -78,7 +78,7 @@ class Images:
         turned = dots(growth_there, growth_here) < 0
         sign = np.where(turned, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
-        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # mean growth of both ends
+        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # mean gradient at both ends of `step`
         value = T.data * np.exp(1j * turn)
         direct, conjugate = (
             csr_array((value * selected, column, T.indptr), shape=T.shape) for selected in (~turned, turned)

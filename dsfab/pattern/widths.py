@@ -18,7 +18,7 @@ Rule = Literal["plain", "constant", "graded", "stressed"]
 SOLID = 0.5  # Half width, in periods, at which neighbouring stripes touch.
 ROUNDS = (2, 60)  # Smallest and largest number of averagings.
 JUMP = 5e-3
-"""Largest accepted error of the share of material where it jumps past its target, as loose ends appear or vanish."""
+"""Largest accepted error of the share of material if the share jumps because loose ends appear or vanish."""
 
 
 class ShareJumpError(PatternError):
@@ -55,13 +55,13 @@ class Widths:
         if not 0 <= self.q <= 4:
             raise PatternError(f"q = {self.q} must lie between 0 (no grading) and 4")
         if self.rule == "constant" and not self.member:
-            raise PatternError("the width rule constant needs member, the width of the members in metres")
+            raise PatternError("the width rule 'constant' needs the key member: the width of the members in metres")
         if 0 < self.max_width < self.min_width:
             raise PatternError(f"min_width = {self.min_width} m is more than max_width = {self.max_width} m")
 
     @property
     def radius(self) -> float:
-        """Radius for averages of slopes, metres: half the width of a member if the rule sets this width, else 0."""
+        """Radius (m) of the disc over which slopes are averaged: half of `member` under the rule "constant", else 0."""
         return self.member / 2 if self.rule == "constant" else 0.0
 
     @property
@@ -80,9 +80,9 @@ class Widths:
 
     def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
         """Return half widths d (n,) in periods, 0 (no material) to 0.5 (no gap); they never decrease with `factor`.
-        base   : d of the stripes' threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
+        base   : half width d from the threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
         stress : (n,) size of the stress along the stripes, any unit; for "stressed" the relative half widths.
-        factor : multiplies the rule's result, before the bounds."""
+        factor : factor on the half widths before the bounds apply."""
         d = factor * (slope * (self.member / 2) if self.rule == "constant" else base * self.grading(stress))
         if self.max_width:
             d = np.minimum(d, slope * (self.max_width / 2))
@@ -109,7 +109,7 @@ def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
     Each mean includes at least two rings of faces, and never faces across a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
-    # an averaging has the variance h^2 / 3 (mesh width h), a disc R^2 / 4
+    # equal variances: h^2 / 3 for each averaging with mesh width h, R^2 / 4 for a disc of radius R
     for _ in range(int(np.clip(0.75 * (radius / surface.mean_edge) ** 2, *ROUNDS))):
         means = average @ means[surface.F].mean(axis=1)
     return np.asarray(means)
@@ -158,11 +158,11 @@ def solved_factor(
         evaluate, target, tolerance
     )
     best_end, kept_side = min(low, high, key=_miss), 0
-    for _ in range(30):  # shares without jumps need far fewer steps
+    for _ in range(30):  # far more steps than needed, unless the share jumps past the target
         if _miss(best_end) <= tolerance:
             return best_end[0]
         if high[0] - low[0] < tolerance / steepest * high[0]:
-            break  # a jump
+            break  # the share jumps past the target
         x = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
         trial = evaluate(x)
         best_end = min(best_end, trial, key=_miss)
@@ -179,7 +179,7 @@ def solved_factor(
 
 
 def _secant_interval(evaluate: Callable[[float], _End], tolerance: float, slope: float) -> tuple[_End, _End] | None:
-    """Search with secants from 1. Return an interval around the solution, or (solution, solution), or None."""
+    """Solve share = target by secants, from factor 1. Return an interval around it, (factor, factor), or None."""
     end = evaluate(1.0)
     for _ in range(5):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
@@ -223,15 +223,15 @@ def _unreachable_error(target: float, reach: str) -> PatternError:
 def evened_grading(
     surface: Surface, grading: Floats, work: Floats, material: Floats, spacing: float, limit: float = 2.0
 ) -> Floats:
-    """Return relative half widths (n, k) of k families for the next step, from the last ones, `grading` (n, k).
+    """Return relative half widths (n, k) of k families for the next step; grading : (n, k) for the last step.
 
     work     : (m, k) energy, joules, of each family in each face.    material : (m, k) area of each family there, m2.
     spacing  : metres from stripe to stripe. Averages extend over 0.4 spacings, so that neighbours do not mix.
     limit    : largest factor of a step.
 
     Widths grow with the square root of the energy density, because under a fixed force the density falls with the
-    square of the width. Forces then change their paths, so several steps are needed. Widths stay in faces without
-    material, and on an evenly stressed sheet."""
+    square of the width. Forces then change their paths, so several steps are needed. Widths do not change in faces
+    without material, nor on an evenly stressed sheet."""
     densities = np.concatenate([work, material], axis=1) / surface.areas[:, None]
     mean_work, share = np.split(spread_means(surface, densities, 0.4 * spacing), 2, axis=1)
     has_material = (share > 1e-9) & (mean_work > 0)

@@ -48,7 +48,7 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
         hint = did_you_mean(str(detail["input"]), allowed)
         if allowed == ["auto"]:
             hint = f" or a number{hint}"
-    if kind == "string_pattern_mismatch" and ".-]" in detail["ctx"]["pattern"]:  # a name
+    if kind == "string_pattern_mismatch" and ".-]" in detail["ctx"]["pattern"]:  # the value must be a name
         letters = "letters a to z, digits" if "A-Z" in detail["ctx"]["pattern"] else "letters, digits, spaces"
         return f"{key} = {_short_repr(detail['input'])}: use {letters} and the marks _ . - after a letter or digit"
     text = detail["msg"].removeprefix("Input ").replace("a valid tuple", "a list")
@@ -106,7 +106,7 @@ def _by_stated_tag(union: Any) -> dict[str, Any]:
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
-    """Return True if the pattern follows a sum of stresses, False for the stress of one case or combination."""
+    """Return True if the pattern follows the summed stresses of several cases, False for one case or combination."""
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
@@ -129,8 +129,8 @@ def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) ->
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the cases and combinations to check in a limit state. If none has this state, return those without a
-    state. If there are none of these either, return all."""
+    """Return the cases and combinations to check in a limit state. If none has this state, return all names without a
+    state. If every name has a different state, return all names."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):
@@ -158,7 +158,7 @@ def case_mistakes(
         elif weight < 0:
             yield f"diffusion.weights.{name} = {weight:g}: a weight must be 0 or more"
     if weights and not combines(loads, follow):
-        yield f"diffusion.weights: only diffusion.follow = '{COMBINED}' uses weights; set it, or remove the weights"
+        yield f"diffusion.weights: weights need diffusion.follow = '{COMBINED}'; set follow, or remove the weights"
     elif allowed and not any(weights.get(name, 1.0) for name in allowed):
         yield f"diffusion.weights: all weights are 0; give one of {', '.join(allowed)} a larger weight"
 
@@ -240,7 +240,7 @@ def thickness_or_auto(value: Any, check: Callable[[Any], float]) -> float:
 
 
 def auto_or_metres(thickness: float) -> float | str:
-    """Return a thickness (m) as a preset file has it: a number, or "auto"."""
+    """Return a thickness (m) in the form for preset files: a number, or "auto"."""
     return "auto" if thickness == AUTO_THICKNESS else thickness
 
 

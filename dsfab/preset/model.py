@@ -204,7 +204,7 @@ class Family(Section):
     mode: Mode = 1
     """Number of the eigenmode; mode 1 is the first that is not constant. auto: the stiffest of the first four."""
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
-    """Stripes per unit of the mode, whose values span 0.5 to 3 units. Evenly spaced stripes have no frequency.
+    """Stripes per unit of the mode's values, which differ by 0.5 to 3 units. Evenly spaced stripes have no frequency.
     0: `spacing` is used instead."""
     spacing: Annotated[float, Ge(0)] = 0.0
     """Mean distance (m) between the centre lines of stripes. 0: `frequency` is used instead. Default of evenly spaced
@@ -241,7 +241,7 @@ class Family(Section):
 
     @property
     def stripes(self) -> Stripes:
-        """Stripes of the family. With a spacing, the frequency is 1 until the mode is known."""
+        """Stripes of the family. If `spacing` is set, the frequency is 1 until the eigenmode is known."""
         return Stripes(self.frequency or 1.0, self.shift, self.threshold)
 
 
@@ -254,13 +254,13 @@ class Width(Section):
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members for rule constant, metres. 0: solid_fraction gives the width."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
-    """Exponent: the share of material grows with this power of the stress. For rule stressed: the starting value."""
+    """Exponent: the share of material grows with this power of the stress. Rule stressed begins with these widths."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
     """Number of trials (cut and solve) for rule stressed."""
     min_width: LeastWidth = AUTO
-    """Smallest width of members, metres. 0: no limit. auto: no limit, with two exceptions for evenly spaced members.
-    Rule graded: the thickness. Rule stressed with pattern.workshop: half of the thickness. In these cases the limit is
-    at most half of the width that equal members would have."""
+    """Smallest width of members, metres. 0: no limit. auto: a limit only for evenly spaced members. Rule graded: the
+    thickness. Rule stressed with pattern.workshop: half of the thickness. The limit is at most half of the width that
+    members would have if all were equally wide."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -268,7 +268,7 @@ class Width(Section):
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
     """Share of the surface that stays material, with keep and rim; dsfab scales the widths to it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
-    """Largest error of solid_fraction if the share jumps because ends of members appear or vanish. A note states it."""
+    """Largest error of solid_fraction if the share jumps because ends of members appear or vanish; dsfab notes it."""
 
     @model_validator(mode="after")
     def _check_widths(self) -> "Width":
@@ -285,7 +285,7 @@ class Width(Section):
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
         """Return the width rule. If only `solid_fraction` defines the width, the rule begins with 1 % of `length` (m).
-        least : smallest width (m) if `min_width` is auto; at most `max_width` is used."""
+        least : smallest width (m) if `min_width` is auto; it is reduced to `max_width` if that is smaller."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
         low = min(least, self.max_width or least) if self.min_width == AUTO else self.min_width
@@ -301,7 +301,7 @@ def _with_curves(thing: Any) -> Any:
 Method = Literal["modes", "stripes", "auto"]
 FAMILIES = ("major", "minor")  # Names of the families of stripes.
 FILLET = 0.55
-"""Smallest radius of round corners, divided by the thickness. It is above one half, because the arcs are polygons."""
+"""Smallest radius of round corners, divided by the thickness. Round corners are polygons, so 0.5 is not enough."""
 STRIPES_ACROSS = 12  # Default number of evenly spaced stripes across a square surface.
 
 
@@ -310,8 +310,8 @@ class Pattern(Section):
 
     method: Method = "modes"
     """modes: stripes on eigenmodes (the paper). stripes: evenly spaced stripes along the stress. auto: the stiffest
-    pattern without dead ends and slits. auto compares modes, stripes, and stripes with halving. For the width rules
-    constant and graded it also compares these rules, graded with half of q, and stressed widths. If the preset sets no
+    pattern without dead ends and slits. auto compares modes, stripes, and stripes with halving. With width.rule
+    constant or graded, auto also compares these two rules, graded with q / 2, and stressed. If the preset sets no
     spacing, auto compares several spacings."""
     halve: bool = True
     """For stripes: where lines are too close together, every second one ends on a crossing member. false: none ends."""
@@ -320,8 +320,8 @@ class Pattern(Section):
     symmetry: Literal["auto", "none"] = "auto"
     """For stripes. auto: the pattern has the symmetry of surface, supports and loads. none: it may be asymmetric."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
-    """For stripes: angle (degrees) from the stress to both families. It is counter-clockwise, seen from the side of the
-    normals or from outside of a closed surface. 90 exchanges the families."""
+    """For stripes: angle (degrees) from the principal directions of the stress to both families. It is
+    counter-clockwise, seen from the side of the normals or from outside a closed surface. 90 exchanges the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """For stripes: forces that give directions and graded widths. uncut: forces in the uncut sheet. optimal: forces in
     the stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs."""
@@ -336,8 +336,8 @@ class Pattern(Section):
     minor: Family = Family()
     width: Width = Width()
     tidy: bool | None = None
-    """Remove dead ends up to the last crossing, and fill openings that are narrower than the members beside them.
-    Default: true for evenly spaced stripes, false for stripes on modes (the paper)."""
+    """Remove parts of members beyond their last crossing, and fill openings narrower than the members beside them.
+    Default: true for evenly spaced stripes, false for stripes on modes."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Distance (m) around loads and supports within which the surface stays material; 0: none."""
     rim: Annotated[float, Ge(0)] = 0.0
@@ -345,11 +345,11 @@ class Pattern(Section):
     fillet: Annotated[float, Ge(0)] = 0.0
     """Radius (m) of the corners of openings, smaller where there is no space for it. 0: sharp corners."""
     crowding: Literal["note", "avoid"] = "note"
-    """For stripes: reaction if stripes are so close that neighbouring openings would be filled. note: print a note.
-    avoid: also try a larger keep, a larger spacing, one family and rotate = 45, and use the best pattern."""
+    """For stripes so close together that neighbouring openings would be filled. note: print a note. avoid: also try
+    a larger value of keep, a larger spacing, one family and rotate = 45, and use the best pattern."""
     workshop: bool | None = None
     """Close narrow openings and their tips, and widen narrow members. The limits are slicing.min_gap and min_member.
-    Default: true for evenly spaced stripes, except with the width rule stressed; false for stripes on modes."""
+    Default: true for method stripes, unless width.rule is stressed; false for the other methods."""
 
     @model_validator(mode="before")
     @classmethod
@@ -436,15 +436,15 @@ class Slicing(Section):
     """Treatment of places where material would only touch at a point. join: add a small disc. split: separate it."""
     min_opening: Annotated[float, Ge(0)] | None = None
     """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default on modes: 0. Default
-    between evenly spaced stripes: 15 % of their spacing, for tidied stripes at most the thickness; openings under 35 %
-    of the usual size are then filled, too."""
+    between evenly spaced stripes: 15 % of their spacing. Default between tidied stripes: the same, but at most the
+    thickness; openings under 35 % of the usual size are filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Smallest width of openings with pattern.workshop, metres. Narrower openings are bridged, and narrower tips
     filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
-    """Smallest width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop, the default
-    is half of the thickness, or the smaller limit of [pattern.width]. Without pattern.workshop, only very narrow
-    members of tidied stripes are widened: under 0.8 times the usual width, between openings with round corners."""
+    """Smallest width of members, metres; narrower members are widened. 0: no limit. Default with pattern.workshop: half
+    of the thickness, or a smaller limit of [pattern.width]. Default without pattern.workshop: only very narrow members
+    of tidied stripes are widened. These are under 0.8 times the usual width, between openings with round corners."""
     improve: bool = False
     """Improve the triangles of the cut mesh by flipping and removing edges, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -472,7 +472,7 @@ class Fabrication(Section):
     min_member: Annotated[float, Ge(0)] = 0.0
     """Smallest width of members, metres. 0: only the limit of pattern.workshop is checked."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Smallest width of openings (with pattern.workshop also of their tips), metres. 0: no further check."""
+    """Smallest width of openings, metres; 0: no further check. With pattern.workshop, also of their narrow ends."""
     min_wall: Annotated[float, Ge(0)] = 0.0
     """Smallest thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
@@ -501,11 +501,11 @@ class Export(Section):
     step: Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"] = "auto"
     """planar: flat or folded designs, with lines and splines. faceted: plane faces. tessellated: triangles for viewers.
     members: four-sided curved faces that CAD programs cut and measure well; if impossible, smooth or faceted. smooth,
-    compact: a few large curved faces, the smallest file, which CAD programs often cannot cut. auto: the first that
-    works of planar, members up to 7000 faces, fast smooth that OCCT can cut, faceted within step_faces, and smooth.
+    compact: a few large curved faces, the smallest file, which CAD programs often cannot cut. auto: the first success
+    of: planar; members (up to 7000 faces); smooth (if fast and OCCT can cut it); faceted (up to step_faces); smooth.
     quick: as auto, but members only for open surfaces, no test of a cut, and no smooth at the end."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Largest error (m) of planar, smooth or simplified STEP. 0: a part of the thickness; no error for faceted STEP."""
+    """Largest error (m) of planar, smooth or simplified STEP. 0: a share of the thickness; faceted STEP is exact."""
     step_mb: Annotated[float, Ge(0)] = 0.0
     """Largest size of a STEP file in MB; 0: no limit."""
 
@@ -620,7 +620,7 @@ class Preset(Section):
 
     def with_thickness(self, thickness: float) -> "Preset":
         """Return the preset with a thickness (m). Round corners get a radius of at least `FILLET` times this thickness.
-        If the thickness was auto, the members of a workshop get this thickness as their smallest width."""
+        If the thickness was auto and pattern.workshop is true, the thickness also is the smallest width of members."""
         slicing, fillet = self.slicing, self.pattern.fillet
         if not self.statics.is_sized and slicing.min_member is None and self.pattern.for_workshop:
             slicing = slicing.model_copy(update={"min_member": thickness})

@@ -47,7 +47,7 @@ class Workshop(Section):
     depth: Annotated[float, Ge(0)] = 0.0
     """planks: height along the surface's normals, metres. 0: the usual width of members."""
     layers: Literal[2, 4] = 2
-    """strips: number of layers where two members cross. Each member has one of 2 layers, or two of 4 layers."""
+    """strips: number of layers where two members cross. With 2, a member has one layer; with 4, it has two layers."""
     plate: Annotated[float, Gt(0)] = 0.005
     """Thickness of the plates at nodes (bars) and at anchors, metres."""
     anchor: Annotated[float, Ge(0)] = 0.0
@@ -126,7 +126,7 @@ class Eurocode(Section):
     The thickness of a layer is that in [workshop], or the thickness in [statics] divided by `workshop.layers`."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
-        """Yield an error message for each case in `duration` that no load has."""
+        """Yield an error message for each case in `duration` without a load."""
         cases = list(dict.fromkeys(load.case for load in loads)) or ["load"]
         for case in self.duration:
             if case not in cases:

@@ -112,7 +112,7 @@ class SurfaceSection(Section):
 
 
 class OwnSurface(SurfaceSection):
-    """Keys of the user's meshes: edge lengths of a new mesh."""
+    """Keys for a surface from the user's own mesh; dsfab may make a new mesh with other edge lengths."""
 
     edge: Annotated[float, Ge(0)] = 0.0
     """Edge length of a new mesh of equal triangles, metres; boundaries and creases do not change. 0: no new mesh."""
@@ -127,7 +127,7 @@ class OwnSurface(SurfaceSection):
         if self.edge and self.refine:
             raise ValueError("give either edge (a new mesh) or refine (division of long edges), not both")
         if self.finest and not self.edge:
-            raise ValueError("finest needs edge, the edge length of flat places; give both")
+            raise ValueError("finest needs the key edge (the edge length of flat places); give both keys")
         if self.finest_at != "curvature" and not self.finest:
             raise ValueError(f"finest_at = {self.finest_at!r} needs finest, the shortest edge length; give both")
         if self.finest > self.edge:

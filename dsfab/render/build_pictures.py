@@ -72,7 +72,7 @@ class ClientPicture:
 
     @cached_property
     def stage(self) -> Stage:
-        """Stage of the main view: first the solid, then the supports if there are any, last a person or a pencil.
+        """Bodies and camera of the main view: first the solid, then any supports, last a person or a pencil for scale.
         Raises DsfabError for a solid without faces."""
         if not len(self.F):
             raise DsfabError("there is nothing to draw: the solid has no faces; lower the pattern's thresholds")

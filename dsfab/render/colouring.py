@@ -65,7 +65,7 @@ class ColourBar:
 
 @dataclass(frozen=True, eq=False)
 class Colouring:
-    """Colours (m, 3) of a picture's faces as bytes, and its colour bar; None if the colours have no values.
+    """Colours (m, 3) of a picture's faces as bytes. bar : colour bar; None if the colours have no values.
     V : (n, 3) vertices to draw, m; None draws the vertices of the surface.    words : text for the caption."""
 
     face: Bytes
@@ -107,14 +107,14 @@ def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
         return Colouring(face, words=f"loads, {force_label(total)} in all")
     if show == "directions":
         if design.preset.combines:
-            return Colouring(face, words="directions of several cases together: red where most is carried, blue across")
+            return Colouring(face, words="directions of combined cases: red carries most, blue is perpendicular to red")
         return Colouring(face, ColourBar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING))
     return Colouring(face)
 
 
 def _mode_colouring(design: "Design", show: str) -> Colouring:
     if design.pattern.even:
-        raise DsfabError(f"show {show!r} needs stripes on modes; show structure, families or directions instead")
+        raise DsfabError(f"show {show!r} needs pattern.method = 'modes'; show structure, families or directions")
     name = show.removesuffix("_mode")
     modes = getattr(design.diffusion, name)
     number = getattr(design.preset.pattern, name).mode
@@ -221,7 +221,7 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
     if show == "energy":
         return scaled_colouring(stress.energy, energy_label, f"strain energy per area, uncut sheet, {by}")
     if show == "vonmises":
-        words = f"von Mises stress, largest of both surfaces {stress_label(stress.peak.stress)}, uncut sheet, {by}"
+        words = f"peak von Mises stress in the thickness, up to {stress_label(stress.peak.stress)}, uncut sheet, {by}"
         return scaled_colouring(stress.largest, stress_label, words)
     strength = design.preset.statics.strength
     if not strength:
@@ -259,7 +259,7 @@ def _displacement_colouring(design: "Design") -> Colouring:
     largest = float(size.max())
     factor = round_length(EXAGGERATION * design.surface.size / largest) if largest > 0 else 1.0
     times = f"{factor:,.0f}" if factor >= 1 else f"{factor:g}"
-    words = f"moves by {length(largest)} at most, drawn {times} x, uncut sheet, {_elements_text(design)}"
+    words = f"movement of the uncut sheet, at most {length(largest)}, drawn {times} x, {_elements_text(design)}"
     limit, bands = band_limit(largest)
     bar = ColourBar(limit, ("0", "", length(limit)), ("", ""), bands=bands)
     face = rising_colours(size[design.surface.F].mean(axis=1) / limit, bands)
@@ -268,21 +268,21 @@ def _displacement_colouring(design: "Design") -> Colouring:
 
 def _elements_text(design: "Design") -> str:
     elements = design.statics.answers.elements
-    return f"by {elements}" if elements.bending else f"by {elements.membrane} strain in its plane"
+    return f"with {elements} elements" if elements.bending else f"with in-plane {elements.membrane} elements"
 
 
 def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # moves with the load
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # the shape moves with the load
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"
     else:
         key = {"buckling": "buckling", "frequency": "frequencies"}[show]
         why = "; ".join(answers.refusals) or ("the load compresses no part of the sheet" if answers.buckling else "")
-        raise DsfabError(f"there is no shape of {show} to show: {why or f'ask for it with --set statics.{key}=1'}")
+        raise DsfabError(f"there is no mode shape of {show}: {why or f'ask for it with --set statics.{key}=1'}")
     size = np.linalg.norm(shape, axis=1)
     bar = ColourBar(1.0, ("", "", ""), ("still", "moves most"))
     V = design.surface.V + EXAGGERATION * design.surface.size * shape

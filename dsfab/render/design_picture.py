@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def caption(design: Design) -> str:
-    """Return the caption of a design's picture: name, kept share, thickness, mass and number of pieces.
+    """Return the caption of a design's picture: name, fraction of the surface kept, thickness, mass, number of pieces.
     A warning is added if a verdict exists and the design does not carry its loads."""
     pieces, judged = design.solid.pieces, design.existing_result("carrying")
     warning = " - DOES NOT CARRY ITS LOADS" if judged and judged.faults else ""
@@ -52,7 +52,7 @@ def client_picture(design: Design, look: Look = CLIENT_LOOK) -> ClientPicture:
 
 
 def analysis_picture(design: Design, judged: "Carrying", look: Look = ANALYSIS_LOOK) -> AnalysisPicture:
-    """Return the data of analysis.png: loads, supports, and utilisation of the cut sheet. look : style of each half."""
+    """Return the data of analysis.png: loads and supports on the left, utilisation on the right. look : style."""
     surface, palette, strength = design.sheet.surface, look.palette, design.preset.statics.strength
     total = float(np.linalg.norm(design.load.force.sum(axis=0)))
     loaded = structure_drawing(design, marks=("loads", "supports", "person"), size=look.size)

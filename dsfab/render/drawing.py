@@ -28,10 +28,10 @@ PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0  # heights of the person and of the tree 
 @dataclass(frozen=True, eq=False)
 class Annotations:
     """Marks beside a structure.
-    surface, load : uncut surface and its loads, for arrows, supports and the ground; either both or neither.
+    surface, load : uncut surface and its loads, for arrows, supports and the ground; give both, or neither of the two.
     reaction      : (n, 3) forces of the supports on the structure, N.
     gradient      : (m, 3) gradient of a mode on each face, drawn as arrows.
-    layers        : names from `EVERY_LAYER`. The height of a structure with a person is in `PERSON_RANGE`."""
+    layers        : names from `EVERY_LAYER`. A person stands only beside structures with a height in `PERSON_RANGE`."""
 
     surface: Surface | None = None
     load: LoadCase | None = None
@@ -75,7 +75,7 @@ def set_stage(
             # the ground is at the base of the support cones
             level -= marks.CONE_HEIGHT * reach
     if side.front:
-        level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # a board behind a plate
+        level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # the floor is a board behind the plate
     elif "person" in annotations.layers and stands and PERSON_RANGE[0] <= float(np.ptp(V @ up)) <= PERSON_RANGE[1]:
         bodies.append(Body(*person(*marks.place_beside(V, side, up, level), up), palette.colour_bytes("person")))
     if "tree" in annotations.layers and stands:
@@ -128,7 +128,7 @@ def _marks(
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Return the caption, names of marks and scale of a picture. The scale is exact at the middle of the structure."""
+    """Return the caption, the names of drawn marks (load, support, reaction), and scale at the structure's middle."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     colours = [body.colour for body in stage.bodies[1:]]
@@ -167,9 +167,9 @@ _LEG = [
     (0.098, 0.035, 0.140), (0.099, 0.034, 0.060), (0.106, 0.046, 0.020), (0.108, 0.048, 0.0),
 ]  # fmt: skip
 
-GroundKind = Literal["paper", "white", "transparent"]  # ground of a picture
+GroundKind = Literal["paper", "white", "transparent"]  # background of a picture
 FINER = light.FINE.finer  # enlargement of a picture before it is reduced, for smooth edges
-EDGE_COSINE = np.float32(0.87)  # largest cosine between the normals beside an edge that is drawn
+EDGE_COSINE = np.float32(0.87)  # edges are drawn where the normals of neighbouring pixels have a smaller cosine
 
 
 def check_ground(ground: str) -> None:
@@ -203,7 +203,7 @@ def render_stage(
     lines = edge_strengths(pixels, 2.5 * pixel)
     covered = np.flatnonzero(np.isfinite(pixels.depth))
     inked, flat = _shaded_colours(pixels, covered, brightness, lines, palette), canvas.reshape(-1, canvas.shape[2])
-    for channel in range(canvas.shape[2]):  # six times as fast as a mask for all channels
+    for channel in range(canvas.shape[2]):  # this loop is six times as fast as a mask for all channels
         flat[covered, channel] = inked[:, channel] if channel < 3 else 255
     return Image.fromarray(canvas).reduce(finer)
 

@@ -19,8 +19,8 @@ MarkName = Literal["load", "support", "reaction", "person", "masonry", "tension"
 @dataclass(frozen=True)
 class Palette:
     """Colours of a picture: red, green and blue in 0..255.
-    families : colours of families (major, minor, kept).    tints : stronger colours, for the preview `families`.
-    ink : darkness of edge lines, 0..1."""
+    families : colours of families (major, minor, kept).    tints : stronger colours of families, to tell them apart.
+    ink : darkness of edge lines, 0 (invisible) to 1 (black)."""
 
     paper: Colour = (253, 252, 249)
     shadow: Colour = (118, 112, 110)

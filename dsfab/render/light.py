@@ -13,7 +13,7 @@ from dsfab.render.view import View
 
 GRAIN = 1.2  # largest random offset (map pixels) in a shadow map; hides its steps
 SURFACE_LIFT = 2.5  # height above a surface (map pixels) where its light is computed; prevents false shadows
-LARGEST_DEPTH = np.float32(0.9999)  # depth of a map pixel above which the lamp sees no body
+LARGEST_DEPTH = np.float32(0.9999)  # limit on the depth of lit points, below the depth 1 of empty map pixels
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
@@ -57,7 +57,7 @@ class ShadowMaps:
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
         queries[3:5] = grain[:, : points.shape[1]]
-        # points outside all maps are lit, for example distant ground
+        # points outside all shadow maps are lit, for example distant ground
         reach = np.einsum("ik,ik->k", queries[:3], queries[:3]).max()
         leaves_maps = reach >= (1 - 2 * (GRAIN + 1) / side) ** 2
         column, row, depth = (self.placing @ queries).reshape(3, count, -1)
@@ -86,8 +86,8 @@ TILE = 1 << 10  # number of points lit together by twenty lamps, for the process
 
 @dataclass(frozen=True)
 class LightQuality:
-    """Lamps and their maps. sun, sky, below : number of lamps in the sun, in the sky, and below the structure.
-    sharp : side of the sun's maps, pixels.    coarse : side of all other maps, pixels.
+    """Lamps and their shadow maps. sun, sky, below : number of lamps in the sun, in the sky, and below the structure.
+    sharp : side of the sun's shadow maps, pixels.    coarse : side of all other shadow maps, pixels.
     blur  : blur of shadows on the floor / height of the picture: for the sun, and for all other lamps.
     finer : enlargement of a picture before it is reduced, for smooth edges."""
 
@@ -101,11 +101,11 @@ class LightQuality:
 
     @property
     def bytes(self) -> int:
-        """Bytes of all maps, at four bytes a pixel."""
+        """Size of all shadow maps, bytes, at four bytes a pixel."""
         return 4 * (self.sun * self.sharp**2 + (self.sky + self.below) * self.coarse**2)
 
     def fitting(self, height: int) -> "LightQuality":
-        """Return this quality with smaller maps for a picture of few pixels. height : rows of the picture."""
+        """Return a copy with smaller shadow maps for a picture of few pixels. height : rows of the picture."""
         sharp, coarse = max(320, 2 * height), max(256, round(1.3 * height))
         return replace(self, sharp=min(self.sharp, sharp), coarse=min(self.coarse, coarse))
 
@@ -159,8 +159,8 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
     """Return the light (2, k) of the sun and of all other lamps on points (3, k) with normals (3, k), in scene units.
-    paired : number of points at the start that form pairs of neighbours. Half of the sky lamps, with double strength,
-             light the first point of each pair. The other half light the second point."""
+    paired : number of points, from the first point on, that form pairs of neighbours. Each point of a pair is lit by a
+             different half of the sky lamps, with double strength."""
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
     quality, numbers = all_lamps.quality, np.arange(len(all_lamps.strength))
@@ -201,7 +201,7 @@ def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
 def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
-    """Return the light (k,) on pixels with bodies, and the light (h, w) on the floor divided by its unshaded light.
+    """Return the light (k,) on pixels that show a body, and the light (h, w) on the floor, 1 where nothing shades it.
     floor : (3,) normal of the floor.    level : height along this normal, scene units; None without a floor."""
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
@@ -219,8 +219,8 @@ def pixel_and_floor_light(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points and normals (3, k + spare) of k pixels with bodies, in scene units; the last `spare` are empty.
-    The points are in the order of strips of rows. Neighbours are then close in memory, which saves time."""
+    """Return points and normals (3, k + spare), scene units, of k pixels that show a body; the last `spare` are empty.
+    The points follow strips of 64 pixel rows. Neighbours are then close in memory, which saves time."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):
         _strip_points(scene, view, pixels, hit, rows, (points[:, pixel_range], normals[:, pixel_range]))

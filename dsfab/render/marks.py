@@ -96,7 +96,7 @@ def _outer(surface: Surface, up: Floats) -> float:
 def gathered_forces(
     V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: float, size: float
 ) -> ForceArrows:
-    """Gather forces (n, 3) at vertices V (n, 3) where they act (n,) into a few arrows, at most `longest` (m) long."""
+    """Gather the forces (n, 3) at vertices V in the mask `acts` (n,) into a few arrows, at most `longest` (m) long."""
     vertices = np.flatnonzero(acts)
     if not len(vertices):
         return ForceArrows(vertices, np.zeros((0, 3)), np.zeros(0))
@@ -241,7 +241,7 @@ def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Float
 
 
 CROSS_SPACING = Spacing(0.034, 500)  # few crosses, because many take long to draw
-BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of a bar, divided by the distance between crosses
+BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of each bar of a cross, divided by the distance between crosses
 
 
 def crosses(design: "Design", palette: Palette) -> Body:
@@ -251,11 +251,11 @@ def crosses(design: "Design", palette: Palette) -> Body:
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"
-        raise DsfabError(f"there are no directions to show: {why}, so that diffusion prefers none")
+        raise DsfabError(f"there are no directions to show: {why}, so diffusion has no preferred direction")
     places = thin_points(surface.centroids, surface.size, CROSS_SPACING)
     apart = float(np.sqrt(1.3 * surface.area / len(places)))  # distance between neighbouring crosses
     places = places[~tensors.isotropic[places]]
-    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # eigenvectors of the eigenvalue r
+    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # eigenvectors of the largest eigenvalue
     normal = surface.normals[places]
     directions = np.concatenate([along, np.cross(normal, along)])
     vertices, faces = _bars(np.tile(surface.centroids[places], (2, 1)), directions, np.tile(normal, (2, 1)), apart)

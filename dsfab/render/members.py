@@ -25,7 +25,7 @@ def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
     """Return data of all members for JSON: name, length and width (m), largest curvature (1/m), half-width `reach` (m).
     `places` are points [x, y, z, ...] on the member, m, from the middle of the surface's bounding box.
     `nearest` is the number of the nearest member at each vertex of the drawn mesh.
-    judged : True to add `utilisation`, which is None for members without a check.
+    judged : True to add `utilisation` from `Design.member_utilisation`; None for members without this check.
     Raises DsfabError if the strength is missing, nothing carries the loads, or the pattern leaves no material."""
     graph, V = draft.members, draft.surface.V
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
@@ -117,7 +117,7 @@ class _MembersDrawing:
     def picture(
         self, face: Bytes, names: Mapping[str, Colour], words: str, swatches: tuple[tuple[str, Colour], ...]
     ) -> Bytes:
-        """Return the picture with face colours (m, 3) and a caption. names : colours of the names, by member."""
+        """Return the picture. face : (m, 3) colours. names : colour by name. words : caption. swatches : legend."""
         check_ground(self.ground)
         require_rendering()
         design, size, palette = self.design, self.size, self.palette
@@ -164,7 +164,7 @@ def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour
 def nameplates(
     graph: "MemberGraph", stage: Stage, depth: np.ndarray, look: tuple[tuple[int, int], Mapping[str, Colour], Palette]
 ) -> Iterator[Nameplate]:
-    """Yield the nameplates of members. depth : (h, w) of a picture.    look : its size, colours of names, palette."""
+    """Yield the nameplates of members. depth : (h, w) of a picture. look : picture size, colours of names, palette."""
     size, names, palette = look
     for member in (member for member in graph.members if member.id in names):
         seen = stage.view.page_coordinates(_points(graph, member, stage.view))

@@ -31,7 +31,7 @@ _PROBES: list[threading.Thread] = []  # the running test, if any
 
 
 def probe_ahead() -> None:
-    """Begin the test while this process loads modules; `require_rendering` waits for the result."""
+    """Begin the test of drawing while this process loads modules; `require_rendering` waits for the result."""
     name = window_kinds(_window_choice())[0]
     if not _PROBES and name not in _KNOWN:
         _PROBES.append(threading.Thread(target=lambda: _draws(name), daemon=True))
@@ -50,7 +50,7 @@ def assume_window(window: str | None = None) -> str:
 
 
 def forget_windows() -> None:
-    """Forget the tested and assumed kinds of window; the next picture then needs a test."""
+    """Clear all results of the test of drawing and all calls of `assume_window`; the next picture needs a new test."""
     _KNOWN.clear()
     _draws.cache_clear()
 
@@ -85,7 +85,7 @@ def why_no_pictures() -> str:
 
 
 def window_kinds(chosen: str) -> tuple[str, ...]:
-    """Return kinds of window to try, best first; "" lets VTK choose: Cocoa, Win32, or X11 with a screen."""
+    """Return kinds of window to try, best first. "" means VTK's choice: Cocoa, Win32, or X11 if there is a screen."""
     if chosen:
         return (chosen,)
     if not sys.platform.startswith("linux"):
@@ -106,8 +106,8 @@ def _draws(name: str) -> bool:
 
 
 _ADVICE = {
-    "linux": "install libegl1 and libgl1-mesa-dri (Debian, Ubuntu; or libosmesa6), or mesa-libEGL and mesa-dri-drivers "
-    "(Fedora)",
+    "linux": "on Debian, Ubuntu install libegl1 and libgl1-mesa-dri, or libosmesa6; on Fedora install mesa-libEGL and "
+    "mesa-dri-drivers",
     "darwin": "on macOS run in a session with a screen, since OpenGL comes with the system",
     "win32": "on Windows install the graphics card's driver or the OpenCL, OpenGL and Vulkan Compatibility Pack",
 }

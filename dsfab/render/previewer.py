@@ -35,9 +35,9 @@ class Previewer:
     """Pictures of a design under changing parameters; use as `with Previewer(design) as previewer`.
     design  : a Design, or a draft from `dsfab.design.draft`. A cut sheet or a solid is not necessary.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees, as in `dsfab.render.view.named_side`.
-    show    : structure; stress; families; major or minor for one family and kept regions. On the uncut sheet: loads,
-              directions, major_mode, minor_mode, vonmises, utilisation or energy. Exaggerated: displacement,
-              buckling or frequency.
+    show    : structure; stress; families; major or minor, each with the kept regions. On the uncut sheet: loads,
+              directions, major_mode, minor_mode, vonmises, utilisation or energy. With an exaggerated deformation:
+              displacement, buckling or frequency.
     marks   : True for loads, supports and a person; or names from `EVERY_LAYER`.
     ground  : paper, white or transparent. A transparent picture has a fourth channel.
 
@@ -142,7 +142,7 @@ class Previewer:
 
     def display(self, preset: Preset) -> None:
         """Draw a preset of the same surface in all later pictures.
-        With the width rule "plain", new frequencies, phases, thresholds and reaches are fast. Other changes are slower.
+        With the width rule "plain", changes of frequency, phase, threshold, `keep` and `rim` are fast, others slower.
         Raises DsfabError for a different [surface] or an invalid preset, and then keeps the old preset."""
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(
@@ -152,7 +152,7 @@ class Previewer:
             if self._arrows:
                 raise DsfabError("another mode has other gradients: make a new Previewer for the preset")
             why = "other directions" if self._show == "directions" else f"another shape of {self._show}"
-            raise DsfabError(f"a changed [statics] has {why}: make a new Previewer for the preset")
+            raise DsfabError(f"the preset's new [statics] gives {why}: make a new Previewer for the preset")
         if not needs_only_settings(self._made.preset, preset):
             design = draft(preset, earlier=self._made)
             mesh = StripedMesh.from_design(design)
@@ -209,7 +209,7 @@ class Previewer:
         return self._scene.renderer
 
     def mask(self, size: tuple[int, int] = DEFAULT_SIZE, words: bool = True) -> Bools:
-        """Return the pixels (h, w) at which a picture without marks would show material."""
+        """Return a mask (h, w) of the pixels that show material, with loads, supports and the person hidden."""
         return self._scene.mask(self._view(size, words), *size)
 
     def _view(self, size: tuple[int, int], words: bool) -> View:
@@ -233,7 +233,7 @@ class Previewer:
         design, mesh = self._made, self._mesh
         self._shader = StripeShader(vertex_fields(design, mesh, self._distances(design)), self._tints)
         V, normals = self._V, None
-        if mesh.even:  # equal normals on both sides of a chart's border hide the border
+        if mesh.even:  # equal normals on both sides of a cut in the chart hide the cut
             normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
         return Body(
             mesh.surface.V if V is None else mesh.carry(V),
@@ -258,9 +258,9 @@ class Previewer:
             seen.append(int(self._scene.mask(view, *TRIAL_SIZE).sum()))
         if not seen[0] or seen[1]:
             raise DsfabError(
-                f"this machine's graphics driver does not run the preview's shader ({seen[0]} pixels where all is "
-                f"material, {seen[1]} where nothing is); set VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow to draw in "
-                "software, or use dsfab build, whose picture needs no shader"
+                f"this machine's graphics driver does not run the preview's shader: it drew {seen[0]} pixels where all "
+                f"is material, and {seen[1]} pixels where no material is. To draw in software, set "
+                "VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow, or use dsfab build, whose picture needs no shader"
             )
 
     def _distances(self, design: Design) -> tuple[Floats, Floats]:
@@ -270,7 +270,7 @@ class Previewer:
 
 
 def layer_names(marks: bool | Collection[str], view: str) -> set[str]:
-    """Return the names of the marks that a view shows. Raises DsfabError for unknown names."""
+    """Return names from `EVERY_LAYER` that a picture shows. Raises DsfabError for unknown names."""
     layers = set(drawing.LAYERS if marks else ()) if isinstance(marks, bool) else set(marks)
     if unknown := sorted(layers - set(drawing.EVERY_LAYER)):
         raise DsfabError(f"layer {unknown[0]!r} is not known; use some of {', '.join(drawing.EVERY_LAYER)}")
@@ -279,7 +279,7 @@ def layer_names(marks: bool | Collection[str], view: str) -> set[str]:
 
 class Previewers:
     """Previewers for a sequence of presets; use as `with Previewers(view=..., ...) as previewers`.
-    sketched : function of the sketch of each new design, as from `Design.sketch`.
+    sketched : function that is called with the sketch (see `Design.sketch`) of each new design, or None.
     options  : options of every `Previewer`."""
 
     def __init__(self, sketched: Callable[[Design], None] | None = None, **options: Any) -> None:

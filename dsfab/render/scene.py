@@ -288,7 +288,7 @@ class Scene:
 
     @contextmanager
     def _walls(self, view: View) -> Iterator[None]:
-        """Show the walls of cut sheets in a `with` block; lamps and masks see sheets without a thickness."""
+        """Show the thickness of cut sheets in a `with` block; outside the block, sheets are drawn without thickness."""
         eye = (view.eye - self.centre) / self.radius
         shaded = [(body.shader, body.half) for body in self.bodies if body.shader]
         for shader, half in shaded:
@@ -319,11 +319,11 @@ class Scene:
 
     @contextmanager
     def lamps(self) -> Iterator[None]:
-        """Hide bodies without a shadow in a `with` block; call `lamp` only in this block."""
+        """Hide all bodies that cast no shadow, during a `with` block; call `lamp` only in this block."""
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
-            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # colours take 10 times as long
+            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # drawing with colours is 10 times as slow
             if casts and body.shader is None:  # drawing hidden back faces would triple the time
                 actor.GetProperty().SetBackfaceCulling(body.encloses)
         yield

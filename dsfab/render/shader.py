@@ -13,7 +13,7 @@ from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
 INFINITE_DISTANCE = 1e30  # distance (m) in place of infinity, because infinity times 0 is not a number
-NO_REACH = -INFINITE_DISTANCE  # reach that keeps no material; not 0, as rounded distances can be negative
+NO_REACH = -INFINITE_DISTANCE  # reach if no material is kept; not 0, as rounded distances can be negative
 BY_VERTEX = -1.0  # half-width that tells the shader to read half-widths at the vertices
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
@@ -49,8 +49,8 @@ vec3 dsDepth(vec4 stripes, vec2 kept) {
 float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
 """
 
-# a line of sight enters a slab with linear fields, and ends at a face or a wall.
-# walls have a separate program, because software rendering runs both branches of every `if`
+# a ray from the eye enters a flat slab of the sheet's thickness, and ends at its face or at the wall of a stripe.
+# walls have their own variant of the shader, because software rendering runs both branches of every `if`
 _WALLS = """
   vec3 dsWall = vec3(0.0);
   vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
@@ -151,7 +151,7 @@ class StripeShader:
     _parts: list[dict[str, Any]] = field(default_factory=list)
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
-        """Put the shader on an actor. source : (k,) index of the body's vertex at each point of the actor's mesh."""
+        """Put the shader on an actor. source : (k,) row of `fields` for each point of the actor's mesh."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
         self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": None})
@@ -195,8 +195,8 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
-        """Show the walls of a sheet to an eye (3,) in scene units; None hides the walls. half : half of the thickness.
-        Walls are approximate: each triangle has the walls of a plane slab, and the boundary has no wall."""
+        """Show the walls of a sheet as seen from `eye` (3,), scene units; None hides them. half : half the thickness.
+        Walls are approximate: each triangle is drawn as a flat slab. The boundary of the surface has no wall."""
         walls = eye is not None and half > 0
         self._change_program(walls=walls)
         for uniforms in self._uniforms():

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def main(sketches: bool) -> None:
-    """Draw the requests of standard input. sketches : whether to load the modules for sketches at the start."""
+    """Draw each picture requested on standard input. sketches : True to load the modules for sketches at the start."""
     requests: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
     window = assume_window()  # if this machine cannot draw, the process crashes silently
@@ -50,12 +50,12 @@ def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = N
 
 
 def sketch_caption(previewer: "Previewer", show: str) -> str:
-    """Return the caption of a first picture of `show`."""
+    """Return the caption of a design's first picture. show : the previewer's option `show`."""
     from dsfab.render.colouring import WHOLE_SHEET
 
     words = previewer.words or (show.replace("_", " ") if show in WHOLE_SHEET else "")
     if not words and previewer.preset.pattern.width.solid_fraction:
-        words = "members about as wide as they will be"
+        words = "widths of members are approximate"
     return ", ".join(filter(None, (f"{previewer.preset.name} - first picture", words)))
 
 

@@ -1,7 +1,7 @@
 """The mesh on which a pattern is drawn, values at its vertices, and the settings of its shader.
 
 Stripes on modes are drawn on the surface. Evenly spaced stripes are drawn on their chart (`dsfab.slicing.Chart`),
-because their phases are consistent only on the chart. For the shader, they are two modes at frequency 1 and phase 0."""
+because their phases are consistent only on the chart. The shader draws them like two modes at frequency 1, phase 0."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,8 +20,8 @@ from dsfab.render.shader import BY_VERTEX, INFINITE_DISTANCE, NO_REACH, StripeSe
 from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
-EXACT_REACH_SHARE = 1 / 8  # largest exact distance / size of the surface, in all presets
-REGION_FACTOR = 1e33  # factor on distances to drawn regions, so that every reach ends at outlines
+EXACT_REACH_SHARE = 1 / 8  # distances are exact up to this share of the surface's size, in all presets
+REGION_FACTOR = 1e33  # factor on distances to drawn regions, so that no kept width extends beyond a region
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class StripedMesh:
         return x[self.even.chart.parent] if self.even else x
 
     def at_corners(self, x: Floats32) -> Floats32:
-        """Return normals (m, 3, 3) at corners of the uncut faces as normals (m', 3, 3) of this mesh."""
+        """Interpolate corner normals (m, 3, 3) of the uncut faces; return corner normals (m', 3, 3) of this mesh."""
         if self.even is None:
             return x
         return np.asarray(self._corner_weights @ x[self.even.chart.parent], dtype=np.float32)
@@ -75,7 +75,7 @@ class StripedMesh:
 
     @cached_property
     def normals(self) -> Floats:
-        """Unit normals (n', 3) of the uncut surface; with them, the light does not show the borders of the chart."""
+        """Unit normals (n', 3) of the uncut surface. They are equal on both sides of a cut in the chart."""
         return self.uncut.vertex_normals if self.even is None else unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, design: Design) -> Floats:
@@ -87,7 +87,7 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """Half-widths (n', 2) at vertices, divided by the mean `PatternResult.half_widths`; 0 without a phase."""
+        """Half-widths (n', 2) at vertices, divided by the mean `PatternResult.half_widths`; 0 without a phase there."""
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
@@ -105,7 +105,7 @@ class StripedMesh:
 
 @derived
 def distances(design: Design) -> tuple[Floats, Floats]:
-    """Return distances (n,) to loads and supports, and distances (n,) to the boundary, m; exact up to each reach.
+    """Return distances (n,) to loads and supports, and distances (n,) to the boundary, m. Short distances are exact.
     If the user drew regions, the first array has distances to regions and kept material, times `REGION_FACTOR`."""
     surface, load, pattern = design.surface, design.load, design.preset.pattern
     reach = max(EXACT_REACH_SHARE * surface.size, pattern.keep, pattern.rim)

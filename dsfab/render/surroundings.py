@@ -16,11 +16,11 @@ PartKind = Literal["column", "wall", "hanger", "abutment"]
 
 HEADROOM = 2.2  # smallest height (m) of a structure above a ground at height 0
 PLINTH = 0.012  # height of the lowest columns and walls, divided by the structure's size
-COLUMN_EXTENT = 0.08  # a support becomes a column if its extent in plan / size of the structure is smaller
+COLUMN_EXTENT = 0.08  # a support becomes a column if it is smaller in plan than this share of the structure's size
 LOW_SHARE = 0.25  # a support below this share of the structure's height is never an abutment
-STEEP = 0.2  # smallest slope towards a support from which a structure hangs
+STEEP = 0.2  # a structure hangs only from supports to which it rises more steeply (sine of the slope)
 UPRIGHT = 3.0  # an edge is upright if its height / its extent in plan is larger
-SOIL_SHARE = 0.5  # supported share of the area above which a slab lies on soil
+SOIL_SHARE = 0.5  # a slab lies on soil if its supported area / its whole area is larger
 CORNERS, MOST_PARTS = 20, 40  # corners of a round column; largest number of columns or rods of a support
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # divided by the structure's size
 HANGERS, COLUMNS = 0.05, 0.12  # spacing of rods, and of columns below an edge, / size of the structure
@@ -101,7 +101,7 @@ def _extent(points: Floats, axis: Floats) -> float:
 
 def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, half: float) -> float:
     """Return the height of the ground, m: 0 with headroom below the structure, else `PLINTH` below its lowest point.
-    A structure that only hangs has headroom. half : half of the structure's thickness, m."""
+    If all supports are hangers, the ground is lower, for headroom. half : half of the structure's thickness, m."""
     lowest, size = float((surface.V @ up).min()) - half, surface.size
     if HEADROOM < lowest < size:
         return 0.0
@@ -112,7 +112,7 @@ def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, 
 def support_part(surface: Surface, support: SupportPart, half: float, ground: float) -> MarkMesh:
     """Return the mesh of a part, metres. ground : height of the ground, m. half : as for `ground_level`."""
     size, along, among = surface.size, support.along, support.vertices
-    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # surface of the solid
+    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # parts begin at the sheet's outer face
     deepest, V = float(begin[among].max()), surface.V.copy()
     if support.kind == "hanger":
         return _prisms(
@@ -120,7 +120,7 @@ def support_part(surface: Surface, support: SupportPart, half: float, ground: fl
         )
     end = deepest + ABUTMENT_DEPTH * size if support.kind == "abutment" else -ground
     width = max((FOOTING_WIDTH if end - deepest < 2 * PLINTH * size else WIDTH) * size, 2 * half)
-    if support.outwards.any():  # beside the structure
+    if support.outwards.any():  # the part stands beside the structure, not below it
         V[among] += support.outwards * (half + width / 2)
         begin[among] = begin[among].min() if support.kind == "column" else begin[among]
     direction = unit_vectors(V[support.edges[:, 1]] - V[support.edges[:, 0]])

@@ -53,7 +53,7 @@ class ContactTile:
 
 
 def column_count(count: int, runs: Sequence[int]) -> int:
-    """Return the number of tiles in a row, which has all values of the last keys if possible. runs : values per key."""
+    """Return the number of tiles in a row: if they fit, all values of the last keys. runs : count of values per key."""
     row, columns_of_runs = 1, 1
     for run in reversed(runs[1:]):
         row *= run
@@ -201,7 +201,7 @@ def check_film(values: Values, fps: float) -> None:
     if len(several) != 1:
         raise DsfabError(
             f"--animate needs one key with several values, but {len(several)} keys have several"
-            + (f" ({', '.join(several)}); vary one key and --set the others" if several else "")
+            + (f" ({', '.join(several)}); give a single value to all keys except one" if several else "")
         )
     if not 0.1 <= fps <= 50:
         raise DsfabError(f"--fps {fps:g} is not between 0.1 and 50 pictures a second; write for instance 8")

@@ -181,7 +181,7 @@ def sweep_summary(folder: SweepFolder) -> str:
     if ranked := best(rows, metric, plan.limits):
         lines.append(f"best {metric}: {ranked[0].metrics[metric]:.4g} (run {ranked[0].number})")
         front = pareto(rows, metric, other_metric, plan.limits)
-        lines.append(f"{len(front)} runs on the front of {metric} against {other_metric}")
+        lines.append(f"{len(front)} runs are on the Pareto front of {metric} and {other_metric}")
     files = [PAGE, "results.csv", "results.parquet", SHEET_NAME]
     return "\n".join([*lines, *(f"  {folder.path / name}" for name in files if (folder.path / name).is_file())])
 

@@ -1,4 +1,4 @@
-"""Checks of claims in the paper's captions: numbers of rings, spokes and links, from the phases of both families."""
+"""Checks of captions in the paper by Madan, Jacobson and Levin: numbers of rings, spokes and beams."""
 
 from dataclasses import dataclass
 
@@ -30,7 +30,7 @@ class Web:
 
     @property
     def sentence(self) -> str:
-        """Clause about the web for the caption of a figure."""
+        """Clause about the web of rings and spokes, for the caption of a figure."""
         rings = [count for count in self.crossed if count >= SPOKES]
         if self.is_web:
             spokes = f"{min(rings)} to {max(rings)}" if min(rings) < max(rings) else f"{rings[0]}"
@@ -39,16 +39,16 @@ class Web:
                 f"{spokes} spokes"
             )
         if not self.crossed:
-            return "no web here, because no line of either family closes around the load"
+            return "no web here, because no line of either family forms a closed ring around the load"
         counted = f"{len(self.crossed)} ring{'s' * (len(self.crossed) > 1)} of the {self.family} family"
         return (
             f"no web here, because {len(rings)} of {counted} around the load {'is' if len(rings) == 1 else 'are'} "
-            f"crossed by {SPOKES} spokes or more ({', '.join(map(str, self.crossed))}), and a web takes {RINGS}"
+            f"crossed by {SPOKES} spokes or more ({', '.join(map(str, self.crossed))}); a web needs at least {RINGS}"
         )
 
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
-    """Return the better of two webs: with rings of the major family, or with rings of the minor family.
+    """Find rings around the load in both families; return the web with more rings that have enough spokes.
     phases : (n, 2) phases of the major and minor family. The phase at the middle of a member is a whole number.
     load, supported : (n,) True for vertices under the load, and for vertices at supports."""
     webs = []
@@ -116,7 +116,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Return how many members of the second family (at whole numbers of z) cross the line ring = 0 around a region."""
+    """Return how many members of the second family cross the closed line `ring` = 0. z : phase, whole at members."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))
@@ -166,7 +166,7 @@ def finding(claim: str, rendition: Rendition) -> str:
         text = web(design.surface, phases, loads[0], design.load.supported).sentence
     else:
         text = _beam_finding(design, phases, loads, between=claim == "beams")
-    return f"{text}; it carries {rendition.carried:.0%} of the load" if rendition.carried < 0.995 else text
+    return f"{text}; the design carries {rendition.carried:.0%} of the load" if rendition.carried < 0.995 else text
 
 
 def _beam_finding(design: Design, phases: Floats, loads: list[Bools], between: bool) -> str:
@@ -185,4 +185,4 @@ def _grid_finding(rendition: Rendition) -> str:
     text += f"{rendition.evenness:.3g}"
     if rendition.crossing >= ANGLE and rendition.evenness <= EVENNESS:
         return f"a grid: {text}"
-    return f"no even grid here, because {text} (a grid: {ANGLE:g} degrees, {EVENNESS:g})"
+    return f"no even grid here, because {text} (a grid has at least {ANGLE:g} degrees, and at most {EVENNESS:g})"

@@ -41,9 +41,9 @@ def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, Pa
         "after another. Where directions part or turn round a point, no choice of signs is right everywhere; diffusion "
         "makes no choice, and the paper says that its stripes are more regular there. "
         f"{_measures_text(design, integrated)}"
-        f"Traced as far apart as the stripes: {len(all_lines)} lines, {sum(line.loose for line in all_lines)} of "
-        "whose ends lie "
-        "inside the surface, for they came too near to another line or to where no direction is clear."
+        f"{len(all_lines)} lines were traced as far apart as the stripes. {sum(line.loose for line in all_lines)} of "
+        "their ends lie "
+        "inside the surface, too near to another line, or at a place without a clear direction."
     )
     return PaperComparison("Beside earlier work", words, tuple(rows))
 
@@ -76,8 +76,8 @@ def _measures_text(design: Design, integrated: Design) -> str:
         return f"Nothing can be measured ({error}). "
     better = sum(a < b for a, b in zip(_quality_numbers(quality), _quality_numbers(rival), strict=True))
     return (
-        f"Measured, by diffusion: {_quality_text(quality)}. Integrated: {_quality_text(rival)}. "
-        f"Diffusion is the better one in {better} of these {len(_quality_numbers(quality))} numbers. "
+        f"Measured on stripes by diffusion: {_quality_text(quality)}. On integrated stripes: {_quality_text(rival)}. "
+        f"Diffusion is better in {better} of these {len(_quality_numbers(quality))} numbers. "
     )
 
 
@@ -94,10 +94,10 @@ def _quality_numbers(quality: PatternQuality) -> tuple[float, ...]:
 def _quality_text(quality: PatternQuality) -> str:
     major, minor = quality.major, quality.minor
     return (
-        f"members lie {major.deviation:.0f} and {minor.deviation:.0f} degrees off the stress (major and minor, in the "
-        f"mean), cross at {quality.crossing_angle:.0f} degrees or more, P95/P5 of their spacing is "
+        f"major members are {major.deviation:.0f} and minor members {minor.deviation:.0f} degrees off the stress on "
+        f"average; they cross at {quality.crossing_angle:.0f} degrees or more; P95/P5 of the spacing is "
         f"{major.evenness:.1f} "
-        f"and {minor.evenness:.1f}, and {quality.dead_ends} ends lie in the air"
+        f"(major) and {minor.evenness:.1f} (minor); {quality.dead_ends} dead ends"
     )
 
 
@@ -106,13 +106,13 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
     "Both frequencies 25": {"pattern.major.frequency": 25.0, "pattern.minor.frequency": 25.0},
     "Both thresholds -0.4: wider": {"pattern.major.threshold": -0.4, "pattern.minor.threshold": -0.4},
 }
-"""Settings of three pictures on the same modes."""
+"""Titles and settings of three pictures of one design; the modes are the same in all pictures."""
 
-PAPER = 37  # Frames a second of the paper's editor, on a laptop of 2015.
+PAPER = 37  # Frames a second in the pattern editor of Madan, Jacobson and Levin, on a laptop of 2015.
 
 
 def editing_comparison(design: Design, folder: Path) -> PaperComparison:
-    """Draw one pattern with other settings, and count frames a second during changes, as the paper does for Bob."""
+    """Draw the pattern of a design with the settings `CHANGES`; count frames a second while the frequency changes."""
     title = "Frequency and thickness, edited"
     try:
         with previewer_of(design) as previewer:
@@ -132,10 +132,10 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
     except DsfabError as error:
         return PaperComparison(title, f"Nothing can be drawn: {error}.", ())
     words = (
-        "A slider changes a few numbers of the pattern and solves nothing anew. Each change was drawn whole, "
-        f"{rate:.3g} times a second by the clock, at {drawing.LARGE[0]} by {drawing.LARGE[1]} pixels, of "
-        f"{design.surface.m:,} triangles, by {renderer}. The paper tells {PAPER}, on a graphics card; `dsfab edit bob` "
-        "opens the editor, and `dsfab bench --preview` counts more sizes on your machine."
+        "A slider changes a few numbers of the pattern, and nothing is solved again. Measured: "
+        f"{rate:.3g} complete pictures a second, of {drawing.LARGE[0]} by {drawing.LARGE[1]} pixels and "
+        f"{design.surface.m:,} triangles, by {renderer}. The paper reports {PAPER} a second, on a graphics card. "
+        "`dsfab edit bob` opens the editor, and `dsfab bench --preview` measures more sizes on your machine."
     )
     return PaperComparison(title, words, (tuple(row),))
 
@@ -163,7 +163,7 @@ def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture])
     if name == "bridge":
         return [earlier_work_comparison(design, folder, shown)]
     if name == "bob":
-        words = "What the statics find on Bob: the stress gathers between the head and the feet."
+        words = "Result of the statics of Bob: the stress is concentrated between the head and the feet."
         again = tuple(shown[file] for file in ("bob-loads.webp", "bob-vonmises.webp") if file in shown)
         return [PaperComparison("Bob under his load", words, (again,)), editing_comparison(design, folder)]
     return []
@@ -173,15 +173,15 @@ def _michell_comparison(design: Design, shown: Mapping[str, PaperPicture]) -> Pa
     name = design.preset.name
     rows = (("directions", "structure"), ("major-mode", "major"), ("minor-mode", "minor"))
     pictures = (tuple(shown[file] for show in row if (file := f"{name}-{show}.webp") in shown) for row in rows)
-    measured_text = "what is kept cannot be cut"
+    measured_text = "the pattern cannot be cut"
     with suppress(DsfabError):
         quality = design.quality(symmetry=False)
         measured_text = (
-            f"members lie {quality.deviation:.1f} degrees off the principal directions in the mean, of the family that "
-            f"is further off, and cross at {quality.crossing_angle:.0f} degrees or more"
+            f"members are {quality.deviation:.1f} degrees off the principal directions (the larger average of both "
+            f"families), and cross at {quality.crossing_angle:.0f} degrees or more"
         )
     words = (
-        "In the stiffest frame of so much material each member lies along a principal direction of the stress, and the "
+        "In the stiffest frame of a given mass, each member lies along a principal direction of the stress, and the "
         "families cross at right angles [Michell 1904]. Stripes lie across the gradient of their mode, so modes whose "
         f"gradients follow the directions give such a frame. Here {measured_text}."
     )
@@ -197,8 +197,8 @@ def _anisotropy_comparison(design: Design, folder: Path) -> PaperComparison:
             row.append(paper_picture(changed, folder, show, f"r{r:g}-{design.preset.name}", f"r = {r:g}, {name}"))
         rows.append(tuple(row))
     words = (
-        "With r = 1 the stress is not heard and both families have the same modes; the larger r, the closer modes, "
-        "and with them stripes, keep to the principal directions."
+        "With r = 1 the stress has no effect, and both families have the same modes. With larger r, modes and their "
+        "stripes follow the principal directions more closely."
     )
     return PaperComparison("The effect of the anisotropy r", words, tuple(rows))
 
@@ -216,7 +216,7 @@ def _von_mises_comparison(design: Design, folder: Path, shown: Mapping[str, Pape
     columns = (pairs[0], (field, stripes), pairs[1])
     rows = tuple(tuple(cell for column in columns if (cell := column[i])) for i in range(2))
     words = (
-        "Stripes of the same frequency along the von Mises stress, a single field: it hardly changes away from the "
-        "poles, and neither do its stripes. The families of the diffusion give rings and meridians everywhere."
+        "These stripes of the same frequency follow the von Mises stress, a single field. It hardly changes away from "
+        "the poles, so few stripes lie there. The families of the diffusion give rings and meridians everywhere."
     )
     return PaperComparison("Why not stripes along the von Mises stress?", words, rows)

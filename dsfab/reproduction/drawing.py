@@ -25,8 +25,8 @@ VIEWS = {
 }
 """Views of figures whose default view hides their subject; see `dsfab.render.view`."""
 
-MARKS = ("loads", "supports", "person", "gradients")  # Marks of all pictures; only modes have gradients.
-SCALE = {"pavilion": "tree"}  # Marks in place of a person, as in the paper.
+MARKS = ("loads", "supports", "person", "gradients")  # Shown beside all structures; "gradients" only beside modes.
+SCALE = {"pavilion": "tree"}  # These figures show a tree instead of a person for scale, as in the published figure.
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class PaperPicture:
 
 @dataclass(frozen=True, eq=False)
 class PaperComparison:
-    """A comparison from the paper, as rows of pictures."""
+    """A comparison that the paper of Madan, Jacobson and Levin makes, as rows of pictures by dsfab."""
 
     title: str
     words: str

@@ -27,7 +27,7 @@ class DrawnFamily(NamedTuple):
 
 
 def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
-    """Return both families of a design whose preset chooses modes by number."""
+    """Return the major and the minor family of stripes, for a design whose preset gives the numbers of the modes."""
     diffusion, pattern = design.diffusion, design.preset.pattern
     major, minor = (
         DrawnFamily(D, number := int(family.mode), modes.mode(number), family.frequency)
@@ -40,7 +40,7 @@ def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
 
 
 def integrated_design(design: Design) -> Design:
-    """Return a design with integrated fields in place of its modes, and equally dense stripes."""
+    """Return a design whose stripes follow `integrated_field` instead of modes, with stripes as dense as before."""
     surface, tensors, modes = design.surface, design.diffusion.tensors, []
     for family in drawn_families(design):
         field = integrated_field(surface, weakest_directions(family.D), ~tensors.isotropic)
@@ -57,7 +57,7 @@ def strongest_directions(D: Floats) -> Floats:
 
 def weakest_directions(D: Floats) -> Floats:
     """Return unit directions (m, 3) of the least diffusion in the plane of each face, for tensors D (m, 3, 3).
-    These eigenvectors belong to the middle one of the eigenvalues 0, 1 and r. Stripes run across them."""
+    They are the eigenvectors of the second largest eigenvalue; the normal has eigenvalue 0. Stripes run across them."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 1])
 
 
@@ -68,7 +68,7 @@ def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Float
     target = consistent_directions(surface, direction) * clear[:, None]
     pull = np.einsum("mik,mk->mi", hat_gradients(surface), target) * surface.areas[:, None]
     K = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
-    # a weak spring fixes the free constant on each piece
+    # without this weak spring, K is singular: u may have any constant on each connected piece
     K = csr_array(K + 1e-9 * K.diagonal().mean() * eye_array(surface.n))
     b: Floats = np.bincount(surface.F.ravel(), pull.ravel(), minlength=surface.n).astype(np.float64)
     return np.asarray(factorise(K, surface.V)(b))

@@ -21,14 +21,14 @@ STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode",
 """Pictures of a figure besides its structure, in the order of the method."""
 
 RUNS = 3  # Number of runs; the page reports their median seconds.
-RENDITION_TITLES = {"letter": "The paper to the letter", "preset": "The preset", "stripes": "dsfab's stripes"}
+RENDITION_TITLES = {"letter": "Exactly as in the paper", "preset": "The preset", "stripes": "dsfab's stripes"}
 """Titles of the three renditions of a figure."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
-    """A rendition of a figure, its picture, and the result of the test of the paper's claim, or ''.
-    edge : edge length of the rendition's mesh, m; 0 if the rendition failed."""
+    """A rendition of a figure, and its picture. edge : edge length of its mesh, m; 0 if the rendition failed.
+    found : result of the check of the published caption (see `finding`), or ''."""
 
     rendition: Rendition
     picture: PaperPicture
@@ -77,7 +77,7 @@ def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> Figu
 
 
 def processor_seconds(design: Design) -> dict[str, float]:
-    """Return processor seconds by columns of the paper's Table 2, from surface to modes: the median of `RUNS` runs."""
+    """Return processor seconds by columns of Table 2 (Madan et al.), from surface to modes: medians of `RUNS` runs."""
     runs = []
     for _ in range(RUNS):
         log = Log(None, clock=time.process_time)

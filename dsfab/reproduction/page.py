@@ -1,4 +1,4 @@
-"""The page of `dsfab reproduce`: all figures with renditions, measures and seconds, and a test of the paper's claim."""
+"""HTML page of `dsfab reproduce`: three versions of each published figure, with measures; a test of the stiffness."""
 
 import base64
 import io
@@ -90,30 +90,30 @@ def _verdict_text(rows: Sequence[Row]) -> str:
     judged = [row for row in rows if row["compliance_J"]]
     sure = [row for row in judged if row["verdict"] == "pass"]
     if not sure:
-        return "Every number is of one solve on the cut mesh; none is a verdict of finer and finer meshes."
+        return "Every number is from one solve on the cut mesh; no number was checked on finer meshes."
     lowest, highest = (f"{100 * end(row['bound'] for row in sure):.1f}" for end in (min, max))
     text = (
-        f"{len(sure)} of {len(judged)} numbers are verdicts that pass, of finer and finer meshes, known to {lowest} to "
-        f"{highest} %; all are about thin sheets."
+        f"{len(sure)} of {len(judged)} numbers converge on finer and finer meshes, with error bounds of {lowest} to "
+        f"{highest} %. All numbers hold for thin sheets."
     )
     open_ones = [f"{RIVALS[row['name']]} at {row['volume']:.0%}" for row in judged if row["verdict"] != "pass"]
     return text + (f" Without a verdict, in italics: {', '.join(open_ones)}." if open_ones else "")
 
 
 COLUMNS = (
-    ("kept", "share of the surface that is material, loose pieces among it"),
-    ("pieces", "of the drawn pattern; in brackets those that reach no support"),
+    ("kept", "share of the surface that is material, with loose pieces"),
+    ("pieces", "number of pieces of the drawn pattern; in brackets, the number of pieces without a support"),
     ("loads carried", "share of the loads that stand on pieces which reach a support"),
-    ("over the uncut sheet", "compliance, of one solve each; of cut sheets 15 % off at most"),
-    ("over a thinner sheet", "compliance over that of an uncut sheet of the same mass: above 1 it is the softer one"),
-    ("off the stress", "degrees between members and principal directions, of the family that is further off"),
-    ("P95 / P5 spacing", "1 where members are evenly spaced, of the family that is less even"),
+    ("over the uncut sheet", "compliance / compliance of the uncut sheet, by one solve each; error up to 15 %"),
+    ("over a thinner sheet", "compliance / compliance of an uncut sheet of the same mass; softer if above 1"),
+    ("off the stress", "mean angle between members and principal directions, degrees; the larger of both families"),
+    ("P95 / P5 spacing", "1 if members are evenly spaced; the larger value of both families"),
 )
 """Columns of the table of measures, with their meaning."""
 
 
 def rendition_section(pictures: FigurePictures, coarser: float) -> str:
-    """Return the renditions of a figure: pictures, measures, departures from the paper, and commands."""
+    """Return HTML with the three renditions (versions) of a figure: pictures, measures, departures and commands."""
     if not pictures.ways:
         return ""
     name = pictures.figure.preset
@@ -133,12 +133,12 @@ def rendition_section(pictures: FigurePictures, coarser: float) -> str:
 
 
 def command_html(name: str, coarser: float) -> str:
-    """Return the command that makes a figure of the page again."""
+    """Return, as HTML, the `dsfab reproduce` command that makes a figure again."""
     return f"<code>{escape(f'dsfab reproduce {name}' + (f' --coarser {coarser:g}' if coarser != 1 else ''))}</code>"
 
 
 def rendition_facts(rendition: Rendition) -> tuple[str, ...]:
-    """Return the measures of a rendition as texts, in the order of `COLUMNS`."""
+    """Return the measures of a rendition (version) of a figure as texts, in the order of `COLUMNS`."""
     if rendition.refused:
         return ("none", *("" for _ in COLUMNS[1:]))
     pieces = f"{rendition.pieces} ({rendition.loose} loose)" if rendition.loose else f"{rendition.pieces}"
@@ -166,7 +166,7 @@ def _built(pictures: FigurePictures) -> str:
     lines = []
     for entry in pictures.ways:
         rendition = entry.rendition
-        text = rendition.refused or "; ".join(rendition.departures) or "no departure but the scale of the modes"
+        text = rendition.refused or "; ".join(rendition.departures) or "as in the paper but for the scale of the modes"
         text += f"; not carried: {rendition.uncarried}" if rendition.uncarried else ""
         mesh = f" --set surface.edge={entry.edge:.6g}" if pictures.coarser != 1 and entry.edge else ""
         lines.append(
@@ -288,7 +288,7 @@ def _section(pictures: FigurePictures, coarser: float) -> str:
 def _facts(pictures: FigurePictures, coarser: float) -> str:
     figure = pictures.figure
     edge = "" if coarser == 1 else " (on its own mesh)"
-    finer = f"No mesh {coarser:g} times coarser has all its details: it was made {pictures.coarser:.3g} times coarser."
+    finer = f"A mesh {coarser:g} times coarser loses details, so this mesh is {pictures.coarser:.3g} times coarser."
     lines = [escape(f"{pictures.carried[0].upper()}{pictures.carried[1:]}.")]
     if pictures.coarser != coarser:
         lines.append(finer)

@@ -11,7 +11,7 @@ Claim = Literal["", "web", "beam", "beams", "grid"]
 
 @dataclass(frozen=True)
 class Parameters:
-    """A row of Table 1: force magnitude, anisotropy, and (major, minor) mode, threshold, frequency and phase."""
+    """A figure's row in Table 1 of the paper: force magnitude, anisotropy, and pairs (major, minor) of settings."""
 
     gamma: float
     r: float
@@ -97,7 +97,7 @@ TABLE_2 = {
     "sphere": Timings(15361, 30718, 0.253, None, 1.342, 0.004, 0.081, 0.647),
     "turkey": Timings(20099, 40194, 0.282, 1.982, 3.951, 0.004, 0.107, 0.709),
 }
-"""Table 2 by preset; the plates share a mesh, and the camels share a mesh."""
+"""Table 2 of the paper, by preset. All plates have the same mesh, and all camels have the same mesh."""
 
 STAND_INS = {
     **dict.fromkeys(("hanging_bar", "corner_held", "rollers"), "the plate's sides are not published"),
@@ -106,7 +106,7 @@ STAND_INS = {
         ("pavilion", "bridge", "climbing_hold", "mouse", "twisty_tower"), "the paper's mesh is not published"
     ),
     "pirate": "the paper's mesh is sold (TurboSquid 1084497)",
-    "bob": "Bob is in Keenan Crane's 3D Model Repository; --mesh takes it",
+    "bob": "Bob is in Keenan Crane's 3D Model Repository; load its file with --mesh",
     "turkey": "the paper's mesh is on Thingiverse (3957882)",
 }
 """Reasons why a surface of dsfab stands in for the paper's surface, by preset."""
@@ -115,9 +115,9 @@ CAPTIONS: tuple[tuple[str, str, str, Claim], ...] = (
     ("teaser", "pavilion", "A pavilion: stress directions, diffusion, structure, with a tree for scale.", ""),
     ("2D a", "hanging_bar", "A bar held on the left and pulled down on the right.", ""),
     ("2D b", "corner_held", "Held at the corners and pulled from below.", ""),
-    ("2D c", "rollers", "Pushed down; the corners roll sideways.", ""),
-    ("bridge", "bridge", "The metal frame of a bridge, regular also where the stress field parts.", ""),
-    ("camel a", "camel_none", "No force: the stress says nothing.", "grid"),
+    ("2D c", "rollers", "A plate pushed down; its corners can roll sideways.", ""),
+    ("bridge", "bridge", "The metal frame of a bridge, regular even where stress directions diverge.", ""),
+    ("camel a", "camel_none", "No force: there is no stress to follow.", "grid"),
     ("camel b", "camel_head", "Pressed on the head.", "web"),
     ("camel c", "camel_nose", "Pressed on the nose.", "beam"),
     ("camel d", "camel_ears", "Ears pushed down.", "beams"),

@@ -22,7 +22,7 @@ LETTER: Mapping[str, Any] = {
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
 }
-"""The paper's values of keys that may differ in presets. Modes, frequencies and phases are those of Table 1."""
+"""The paper's values of keys that may have other values in presets. Its Table 1 has modes, frequencies and phases."""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
@@ -33,9 +33,9 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "pattern.keep": (0.0, "material kept around loads and supports"),
     "pattern.rim": (0.0, "a rim kept along the boundary"),
 }
-"""Keys whose values in presets may differ from the paper's: the paper's value, and a text for any other value."""
+"""For keys that may have other values in presets: the paper's value, and a text that describes a different value."""
 
-SHARES = (0.3, 0.5)  # least and largest share of material for the rendition with evenly spaced stripes
+SHARES = (0.3, 0.5)  # least and largest share of material in the design with evenly spaced stripes
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,18 +73,18 @@ class Rendition:
 
     @property
     def command(self) -> str:
-        """Options of `dsfab build` that make this rendition from the preset."""
+        """Options of `dsfab build` that change the preset into this rendition (version) of the figure."""
         return "".join(f" --set {quote(f'{key}={_toml_value(value)}')}" for key, value in self.settings.items())
 
 
 def renditions(design: Design) -> tuple[Rendition, ...]:
-    """Return three renditions: the paper to the letter, the unchanged preset, and evenly spaced stripes.
-    design : design of a preset of the paper, made up to its pattern."""
+    """Return three versions of a figure: the paper's settings, the unchanged preset, and evenly spaced stripes.
+    design : design of a preset of the paper, computed up to its pattern."""
     uncut: dict[str, float] = {}
     letter = measured_rendition("letter", design, LETTER, uncut)
     shipped = measured_rendition("preset", design, {}, uncut)
     share = float(np.clip(np.nan_to_num(shipped.share, nan=0.5), *SHARES))
-    # frequency 0 means a spacing of a twelfth of the surface's side
+    # frequency 0 means a spacing of 1/12 of the root of the surface's area
     stripes = {
         "pattern.method": "stripes",
         "pattern.width": {"rule": "graded", "solid_fraction": round(share, 3)},
@@ -102,19 +102,19 @@ def departures(preset: Preset) -> tuple[str, ...]:
         if (value := getattr(getattr(preset, section), name)) != paper:
             texts.append(f"{words} ({value:g} m)" if isinstance(value, float) else words)
     if preset.pattern.method == "stripes":
-        texts.append("evenly spaced stripes along the stress, as wide as it is large, in place of modes")
+        texts.append("evenly spaced stripes along the stress in place of modes, with widths that grow with the stress")
     return tuple(texts)
 
 
 def measured_rendition(
     name: str, base_design: Design, settings: Mapping[str, Any], uncut_compliance: dict[str, float] | None = None
 ) -> Rendition:
-    """Return a rendition with its measures. Unchanged stages of `base_design` are used again.
+    """Make a rendition (version) of a figure, and measure it. Unchanged stages of `base_design` are used again.
     uncut_compliance : compliances of the uncut sheet by material law; this function stores new values in it."""
     try:
         preset = with_overrides(base_design.preset, dict(settings)) if settings else base_design.preset
         design = draft(preset, earlier=base_design)
-        # the second design keeps its loose pieces, so that they can be counted
+        # this design keeps the pieces without a support, so that they can be counted
         with_loose = draft(with_overrides(preset, {"slicing.loose": "keep"}), earlier=design)
         listed, quality = with_loose.slicing.pieces, design.quality(symmetry=False)
     except DsfabError as error:
@@ -127,8 +127,8 @@ def measured_rendition(
 
 
 def _carried_share(design: Design) -> float:
-    """Return the share of the loads on pieces with a support; nan without loads. design : must have its loose pieces.
-    A load at a place without material acts on the nearest material."""
+    """Return the share of the loads on pieces with a support; nan without loads.
+    A load without material acts on the nearest material. design : with `slicing.loose` "keep"."""
     if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan
     try:
@@ -144,8 +144,8 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return compliance / compliance of an uncut sheet, compliance / compliance of a thinner sheet, and a reason or ''.
-    Both ratios are nan without loads. If the design does not carry its loads, they are infinite, with the reason."""
+    """Return the design's compliance / that of an uncut sheet, / that of a thinner sheet, and a reason or ''.
+    Without loads, the ratios are nan. If the design does not carry its loads, they are infinite, with a reason."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

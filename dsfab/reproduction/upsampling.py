@@ -1,4 +1,4 @@
-"""The paper's cut by upsampling beside the exact cut: errors and numbers of triangles."""
+"""Comparison of the paper's cut by upsampling with the exact cut: errors and numbers of triangles."""
 
 import io
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ class CutComparison(NamedTuple):
 
 
 def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
-    """Cut the stripes of a design on modes by both methods, with the width rule "plain"."""
+    """Cut a design's stripes by upsampling, and exactly. Stripes follow its modes, with the width rule "plain"."""
     settings = (design.preset.pattern.major, design.preset.pattern.minor)
     families = [
         StripedField(Stripes(family.frequency, float(options.phase), options.threshold), family.mode)
@@ -58,7 +58,7 @@ def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
 
 
 def compare_cuts(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
-    """Cut any stripes on any surface by both methods. Triangles where families cross stay crowded.
+    """Cut stripes on a surface by upsampling, and exactly. Upsampling divides triangles with several stripe edges.
     Division ends after `rounds` rounds, if no triangle is crowded, or above 200 000 triangles."""
     exact = _cut(surface, [family.x for family in families], [family.stripes.levels(family.x) for family in families])
     cuts: list[UpsampledCut] = []
@@ -111,26 +111,26 @@ def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequ
 
 
 def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
-    """Compare the paper's cut, after more and more rounds, with the exact cut of the same stripes."""
-    title = "Adaptive upsampling beside the exact cut"
+    """Compare the cut by upsampling, after each round of division, with the exact cut of the same stripes."""
+    title = "Adaptive upsampling compared with the exact cut"
     try:
         comparison = compare_design_cuts(design)
     except DsfabError as error:
         return PaperComparison(title, f"Nothing can be compared: {error}.", ())
     coarsest, finest = comparison.upsampled[0], comparison.upsampled[-1]
     words = (
-        "The paper divides triangles that more than one line passes through at the middles of their sides, and cuts "
+        "The paper divides triangles with more than one line at the middles of their sides. It cuts "
         "where the stripe value, interpolated between corners, is zero. dsfab cuts along all lines of a triangle at "
-        "once, at values that are known. Measured, of the same modes: without division "
+        "once, at known values. Both methods cut the same modes. Without division "
         f"{_percent(coarsest.wrong)} of the surface is on the wrong side with {coarsest.triangles:,} triangles, after "
         f"{finest.rounds} rounds {_percent(finest.wrong)} with {finest.triangles:,}; the exact cut has "
         f"{comparison.exact:,} and "
-        f"no such error. {finest.crowded:,} triangles still have more than one line: where families cross, no division "
-        "leaves one alone. What error is left comes from crests of the wave within triangles with one line."
+        f"no error of this kind. {finest.crowded:,} triangles still have more than one line: division cannot separate "
+        "the lines of families that cross. The remaining error is at crests of the wave in triangles with one line."
     )
     file = f"{design.preset.name}-upsampled.webp"
     _write_chart(comparison, folder / file)
-    caption = "Share of the surface on the wrong side, by the number of triangles; at each point its rounds."
+    caption = "Share of the surface on the wrong side against the number of triangles. Labels: number of rounds."
     return PaperComparison(
         title, words, ((PaperPicture(file, "Error against triangles", caption, size=drawing.LARGE),),)
     )
@@ -157,14 +157,14 @@ def _write_chart(comparison: CutComparison, path: Path) -> None:
 def _draw_chart(axes: "Axes", comparison: CutComparison) -> None:
     triangles = [upsampled_cut.triangles for upsampled_cut in comparison.upsampled]
     wrong = [100 * upsampled_cut.wrong for upsampled_cut in comparison.upsampled]
-    axes.semilogy(triangles, wrong, "o-", color="#3d7fc4", label="divided, then cut where values are zero")
+    axes.semilogy(triangles, wrong, "o-", color="#3d7fc4", label="paper: divided triangles, cut at interpolated zeros")
     for upsampled_cut, x, y in zip(comparison.upsampled, triangles, wrong, strict=True):
         axes.annotate(str(upsampled_cut.rounds), (x, y), (0, 7), textcoords="offset points", ha="center")
-    axes.axvline(comparison.exact, color="#b4441c", ls="--", label="cut along all lines at once: no error")
+    axes.axvline(comparison.exact, color="#b4441c", ls="--", label="dsfab: exact cut, without error")
     axes.xaxis.set_major_formatter("{x:,.0f}")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_xlabel("triangles")
-    axes.set_ylabel("% of the surface on the wrong side")
+    axes.set_ylabel("% of the surface on the wrong side of the cut")
     axes.grid(alpha=0.3)
     axes.legend()

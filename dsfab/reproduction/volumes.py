@@ -29,13 +29,13 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""The sphere's row of Table 1: no kept regions, rule "plain", phase 0. But the sign of stress decides what is major."""
-LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` exactly as the paper states it.
+"""The sphere's row of Table 1: no kept regions, rule "plain", phase 0. But the sign of the stress labels families."""
+LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` with the paper's labels and law.
 SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 
 RIVALS = {
-    "letter": "Table 1's row to the letter, labelled by magnitude",
-    "row": "Table 1's row, labelled by sign",
+    "letter": "paper's Table 1, families by stress magnitude",
+    "row": "paper's Table 1, families by stress sign",
     "plain": "tuned modes and phases, plain widths",
     "design": "tuned modes and phases, graded widths",
     "stripes": "dsfab's evenly spaced stripes",
@@ -48,7 +48,7 @@ RIVALS = {
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
     """Write data and a chart: the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
-    All structures are judged on finer and finer meshes. The pair of isotropic modes is the best of one solve each.
+    All structures are judged on finer and finer meshes. One solve for each pair of isotropic modes finds the best pair.
     coarser : edge length / `EDGE`."""
     from dsfab.study import compare_at, full_at_many_shares
 
@@ -75,7 +75,7 @@ def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
 
 
 def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
-    """Return four designs by name: `plain`, `row`, `letter` and `stripes`; see `RIVALS`."""
+    """Return the designs `plain`, `row`, `letter` and `stripes` by name; `RIVALS` describes each of them."""
     plain_widths = {**ON_MODES, "pattern.width": {"solid_fraction": 0.5}}
     settings: dict[str, Mapping[str, Any]] = {"plain": plain_widths, "row": ROW, "letter": LETTER, "stripes": {}}
     return {name: sphere_draft(changes, coarser) for name, changes in settings.items()}
@@ -84,7 +84,7 @@ def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
 def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
-    """Return the row of `compare_at` for each rival, at this share of material.
+    """Judge each of the designs `rivals` at this share of material; return a row of `compare_at` for each design.
     design : compliance of the reference design, J; None if it does not carry its loads."""
     from dsfab.study import compare_at
 

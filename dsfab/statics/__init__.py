@@ -61,7 +61,7 @@ __all__ = [
 def solve_statics(
     sheet: SheetModel, load: LoadCase, elements: Elements = PAPER, spread: SpreadLoad | None = None
 ) -> Equilibrium:
-    """Return displacements, reactions and compliance of a thin elastic sheet (paper, section 3.1).
+    """Return displacements, reactions and compliance of a thin elastic sheet [Madan, Jacobson and Levin, section 3.1].
     A flat sheet with loads in its plane is solved without bending.    spread : see `equilibrium`.
     Raises StaticsError for mechanisms and for loads on vertices without faces."""
     spreads = None if spread is None else {"load": spread}

@@ -68,7 +68,7 @@ class VertexPairs:
 
     @classmethod
     def from_surface(cls, surface: Surface, hinge: Ints | None = None) -> Self:
-        """Return the pairs of the ends of all edges, and of the opposite vertices of hinges (i, 4)."""
+        """Return the pairs of vertices: both ends of each edge, and both opposite vertices of each hinge (i, 4)."""
         n, ends = surface.n, surface.edges.ends
         edge = ends[:, 0] * n + ends[:, 1]
         if hinge is None:
@@ -80,7 +80,7 @@ class VertexPairs:
         return cls(n, np.stack(np.divmod(keys, n), axis=1), np.searchsorted(keys, edge), opposite)
 
     def of_hinge(self, surface: Surface, hinge: Ints) -> Ints:
-        """Return the numbers (6, i) of the pairs of each hinge, in the order of `CORNERS`."""
+        """Return the numbers (6, i) of the six vertex pairs of each hinge, in the order of `CORNERS`."""
         edge = self.of_edge[surface.edges.of.ravel()]
         h0, h1 = surface.edges.pairs.T
         next0, next1 = (next_half_edge(h) for h in (h0, h1))
@@ -123,7 +123,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Return the stiffness with blocks `between` (9, p). Rows sum to 0: a shift of all vertices causes no force."""
+        """Return the stiffness from blocks (9, p) of vertex pairs. Rows sum to 0, so a rigid shift causes no force."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):
@@ -132,7 +132,7 @@ class PairBlocks:
 
     def __add__(self, other: Self) -> Self:
         if self.pairs is not other.pairs:
-            raise ValueError("the blocks belong to different pairs of vertices")
+            raise ValueError("only PairBlocks with the same `pairs` can be added")
         return type(self)(self.pairs, self.between + other.between, self.own + other.own)
 
     def matrix(self) -> csr_array:

@@ -82,7 +82,7 @@ def moment_loads(surface: Surface) -> Floats:
     A rotation theta has the half-edge's sign s. A slope has no sign, because it is an odd function along the edge."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
-    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slopes along m of the lambda_a
+    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slope of lambda_a along normal m
     sign = half_edge_signs(surface)
     rows = np.zeros((surface.m, 3, 3, 12))
     rows[..., 3:6] = (8 / 3 * surface.areas[:, None, None] * voigt(slope, np.roll(slope, -1, axis=1))).transpose(

@@ -75,7 +75,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
     half = np.zeros(3 * surface.m)
     half[pairs[:, 0]] = angle / 2
-    # the angle changes its sign in the second face if the normals are opposite
+    # the fold angle changes its sign in the second face if the two faces have opposite normals
     along = half_edge_signs(surface).ravel()
     half[pairs[:, 1]] = -angle / 2 * along[pairs[:, 0]] * along[pairs[:, 1]]
     bent = (half.reshape(-1, 3) * length)[:, :, None] * voigt(out, out)
@@ -91,7 +91,7 @@ def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
     after = np.roll(slope, -1, axis=1)
     w = _deflection(surface, answer)
     bubble = unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
-    tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # dw/dm of the linear part on each half-edge
+    tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # slope of the linear deflection, normal to each half-edge
     turn = half_edge_signs(surface) * unknowns["rotation"][edge]
     # dw/dm of the bubbles 4 phi_c phi_c+1 is linear on each half-edge
     ahead, behind = (np.einsum("mia,mca->mci", g, outward) for g in (after, slope))  # (m, half-edge, bubble)

@@ -64,15 +64,15 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
 
 def _support_remedy(surface: Surface, held_vertices: Ints) -> str:
     if len(held_vertices) >= FEW_VERTICES:
-        return "its supports do not prevent this; hold more directions"
+        return "its supports do not prevent this motion; hold more directions"
     where = " and ".join(str(surface.V[k].round(3).tolist()) for k in held_vertices)
     count = count_phrase(len(held_vertices), "vertex")
-    return f"the supports hold only {count}, at {where} m; pick more vertices (of a side, with depth = ...)"
+    return f"the supports hold only {count}, at {where} m; pick more vertices (with a larger depth if you pick a side)"
 
 
 def _merge_hint(surface: Surface) -> str:
     doubled = coincident(surface.V)
-    return f", or merge its {doubled} vertices at places of earlier vertices" if doubled else ""
+    return f", or merge {doubled} vertices that coincide with earlier vertices" if doubled else ""
 
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
@@ -85,7 +85,7 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
     _, values, basis = np.linalg.svd(stopped, full_matrices=False)
     null = basis[values <= FREE_MOTION * max(values.max(), 1.0)]
-    # a rotation about a line of supports also shifts the centre, so rotations are found first
+    # rotations come first, because a rotation about a line of supports shifts the centre like a translation
     mix, turns, _ = np.linalg.svd(null[:, 3:])
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > FREE_MOTION
     parts = np.abs(mix.T @ null)
@@ -105,12 +105,12 @@ def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
 
 
 def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: Bools | None) -> Bools:
-    """Return the edge unknowns (e, k) of `elements` that do not move.
+    """Return a mask (e, k) of the unknowns on edges (`elements.on_edges`) that are fixed.
     fixed   : (n, 3) fixed directions of the vertices.
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
 
-    Edges of faces that are fixed in all directions do not rotate. A bubble moves along a direction d. It is fixed
-    if the squares of d's components in the fixed directions (`held_middles`) sum to more than 1/2."""
+    Edges of faces that are fixed in all directions do not rotate. A bubble moves the middle of its edge along a
+    direction d. It is fixed if the squares of d's components in fixed directions (`held_middles`) sum to over 1/2."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -123,7 +123,7 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
     """Return the fixed directions (e, 3) of the middles of edges, from the fixed directions (n, 3) of the vertices.
-    The middle of a boundary edge is fixed if both ends are. Others are fixed like their faces (`held_faces`)."""
+    The middle of a boundary edge is fixed if both ends are. Any middle is fixed if a face of it is (`held_faces`)."""
     edges, faces = surface.edges, held_faces(surface, fixed)
     is_held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):

@@ -26,15 +26,15 @@ class Elements:
     membrane : `constant` strain, `quadratic` (the common six-node triangle), or `hybrid`, with the unknowns of
                `quadratic` and stresses in equilibrium. `hybrid` has a third to a half of the errors of `quadratic`.
                `constant` is 5 to 15 % too stiff for slender parts that bend in their plane.
-    bending  : `hinge`, the paper's element, for directions only. `midedge` converges, and is too soft on coarse
-               meshes. `hhj` is one order more accurate. None for a sheet that is solved in its plane."""
+    bending  : `hinge`, the paper's element, only for directions of the stress. `midedge` converges, and is too soft on
+               coarse meshes. `hhj` is one order more accurate. None for a sheet that is solved in its plane."""
 
     membrane: Membrane = "constant"
     bending: Bending | None = "hinge"
 
     @classmethod
     def from_name(cls, name: str) -> Self:
-        """Return the pair with this name, such as "quadratic+hhj". Raises StaticsError for any other name."""
+        """Return the `Elements` with this name, such as "quadratic+hhj". Raises StaticsError for any other name."""
         pairs = [cls(membrane, bending) for membrane in get_args(Membrane) for bending in get_args(Bending)]
         match = next((pair for pair in pairs if str(pair) == name), None)
         if match is None:
@@ -73,7 +73,7 @@ class Elements:
         return np.concatenate([corners, *groups], axis=1)
 
 
-PAPER = Elements("constant", "hinge")  # The elements of the paper; `USES` selects a pair for each result.
+PAPER = Elements("constant", "hinge")  # Elements of [Madan, Jacobson and Levin]; `USES` lists elements for each result.
 INVERSE_MASS = 12 * (np.eye(3) - 0.25)  # Inverse mass matrix of linear functions on a triangle, times its area.
 
 
@@ -85,12 +85,12 @@ def half_edge_signs(surface: Surface) -> Floats:
 @derived
 def edge_frames(surface: Surface) -> Floats:
     """Return unit vectors t, m, n (e, 3, 3) of each edge: along it, across it in the sheet, and normal to the sheet.
-    n is the mean of the normals of two faces, weighted by area; an opposite normal is reversed first. At three faces,
-    or a fold of more than 145 degrees, n is the eigenvector of sum A n n^T with the largest eigenvalue. Read-only."""
+    n is the area-weighted mean of the two faces' normals, turned to one side. If an edge has three faces or a fold of
+    over 145 degrees, n is the eigenvector of sum A n n^T with the largest eigenvalue. The result is read-only."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    # sign times normal does not depend on the order of a face's corners; two neighbouring faces have opposite products
+    # sign times normal stays the same if a face is reversed, and has opposite directions for the two faces of an edge
     area_normal = surface.normals * surface.areas[:, None]
     signed = (half_edge_signs(surface)[:, :, None] * area_normal[:, None, :]).reshape(-1, 3)
     n = signed[edges.order[edges.start[:-1]]]
@@ -148,13 +148,13 @@ Quantity = Literal["compliance", "compliance_once", "displacement", "stress", "f
 """Quantities in reports."""
 
 Aid = Literal["needles", "spread", "ranking", "directions"]
-"""Uses of elements for results that no report shows."""
+"""Internal uses of elements: reports never show these results."""
 
 
 @dataclass(frozen=True)
 class Use:
-    """The purpose of a pair of elements.
-    pair      : pair of elements; without bending if the sheet is solved in its plane.
+    """The purpose of a pair of membrane and bending elements.
+    pair      : the elements. If the sheet is solved in its plane, only the membrane elements are used.
     tolerance : largest accepted relative error on the finest mesh of a test; None for a pair without tests.
     about     : the purpose in words."""
 
@@ -173,21 +173,21 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
         "stress": Use(_HYBRID, 0.02, "stress and utilisation"),
         "frequency": Use(_HYBRID, 0.02, "natural frequencies"),
         "buckling": Use(_HYBRID, 0.02, "factors of linear buckling"),
-        "six_nodes": Use(_SIX_NODES, 0.02, "what a program with six-node triangles should find"),
-        "needles": Use(Elements("quadratic", "midedge"), None, "one solve of sheets with needles of faces"),
-        "spread": Use(Elements("quadratic", "midedge"), None, "beside the compliance, for its bound alone"),
-        "ranking": Use(Elements("constant", "midedge"), None, "which of many candidates is stiffer"),
+        "six_nodes": Use(_SIX_NODES, 0.02, "expected results of programs with six-node triangles"),
+        "needles": Use(Elements("quadratic", "midedge"), None, "single solve of a sheet with needle-shaped faces"),
+        "spread": Use(Elements("quadratic", "midedge"), None, "second compliance, which only gives the error bound"),
+        "ranking": Use(Elements("constant", "midedge"), None, "ranking of many candidates by stiffness"),
         "directions": Use(PAPER, None, "directions of the stress, as in the paper"),
     }
 )
-"""Pairs of elements by use; bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these pairs."""
+"""Elements for each use. Bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these elements."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
-"""Every pair that a report uses."""
+"""All `Elements` whose results reports may show."""
 
 
 def elements_of(use: Quantity | Aid) -> Elements:
-    """Return the pair of elements for a use. Raises KeyError for an unknown use."""
+    """Return the elements for a use, which is a key of `USES`. Raises KeyError for an unknown use."""
     return USES[use].pair
 
 
@@ -226,6 +226,6 @@ def needle_message(surface: Surface) -> str:
     where = surface.centroids[shape.argmin()].round(3).tolist()
     are = "triangle is a needle" if count == 1 else "triangles are needles"
     return (
-        f"{count} of {surface.m} {are}, lower than {NEEDLE:g} of the longest edge (the worst, {shape.min():.1g}, is "
-        f"around {where} m)"
+        f"{count} of {surface.m} {are}, with a height under {NEEDLE:g} of the longest edge (the worst, "
+        f"{shape.min():.1g}, is around {where} m)"
     )

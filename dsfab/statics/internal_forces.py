@@ -16,13 +16,13 @@ from dsfab.surface import Surface, hat_gradients, link_components, next_half_edg
 
 CROWDED = 0.25
 """A face is a splinter if its height is less than this fraction of the mean size of faces.
-Slopes of moments are meaningless in splinters. So the load of a splinter is spread over its surroundings, up to a
-distance of this fraction of the mean size. Larger distances miss shear in ribs."""
+In splinters, computed gradients of moments are meaningless. So the load of a splinter is spread over its surroundings,
+up to a distance of this fraction of the mean size. A larger distance would lose shear in ribs."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
-    """Data to compute shear forces q from moments, as gradients of a potential M. All cases of a sheet share them.
+    """Data to compute shear forces q from moments; q is the gradient of a potential M. All cases share these data.
     columns : (m, 6) unknowns of M at the corners and in the middles of the half-edges; (m, 3) at the corners only.
     sign    : (m, 6) -1 if the normal is opposite to that of the unknown's first face, else 1.
     rim     : (m, 3) 1 on half-edges of free edges and folds, which transfer no shear; else 0.
@@ -37,7 +37,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the data for a surface. linear : true if moments are linear on each face; then M is quadratic."""
+        """Return the data for a surface. linear : true for linear moments on faces; then potential M is quadratic."""
         side_a, side_b = surface.edges.pairs.T
         lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
         side_a, side_b = side_a[lean > SMOOTH], side_b[lean > SMOOTH]
@@ -52,14 +52,14 @@ class ShearRecovery:
         points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :nodes]
         blocks = _gradient_stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
         K = assemble_blocks(blocks, columns, size)
-        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # fixes the free constant of M on each smooth part
+        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # fixes the constant of potential M on each smooth part
         spread = _spread_matrix(surface, columns, sign, points)
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
-        """Return the mean of q on each face (m, 3), N/m, in space, tangent to the face.
+        """Return the mean shear force q on each face (m, 3), N/m, in space, tangent to the face.
         moments : (m, 3 corners, 3) moments of the elements, in `SheetStress.frame`, N.
-        twist   : (m, 3 corners, 3) moments with the twist m_nt on free edges and folds, N."""
+        twist   : (m, 3 corners, 3) moments averaged at vertices, N, for the twist m_nt on free edges and folds."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
         if nodes == 6:  # change to shape functions that are 1 at one node
@@ -112,7 +112,7 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return `ShearRecovery.spread`. Unknowns on splinters give their load to neighbours, in proportion to areas."""
+    """Return `ShearRecovery.spread`. Loads at splinters (very low faces) go to nearby points, in proportion to area."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
@@ -134,13 +134,12 @@ def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats
 
 
 CONVENTION = (
-    "local x: global x seen along the face's normal (global y where the normal is within 8 degrees of global x); "
-    "local y: normal cross local x; the normal is that of the face's corners, counter-clockwise",
-    "n positive: tension. m_x bends fibres along local x; m positive: the side that the normal points away from is "
-    "stretched",
-    "q_x = dm_x/dx + dm_xy/dy, q_y = dm_xy/dx + dm_y/dy (thin sheets, Kirchhoff); on a section that local x points out "
-    "of, positive q_x acts against the normal",
-    "a free edge carries a line force as large as m_xy there besides (Kirchhoff): a sum over a section needs both",
+    "local x: projection of global x on the face (of global y if the normal is within 8 degrees of global x); "
+    "local y: normal cross local x; the face's corners run counter-clockwise around its normal",
+    "n positive: tension. m_x bends fibres along local x; m positive: tension on the side opposite to the normal",
+    "q_x = dm_x/dx + dm_xy/dy, q_y = dm_xy/dx + dm_y/dy (thin sheets, Kirchhoff); on a section with the outward "
+    "direction local x, positive q_x acts opposite to the normal",
+    "a free edge also carries a line force as large as m_xy (Kirchhoff): include it in the sum over a section",
 )
 """Definitions of the components, for the first lines of files."""
 
@@ -149,7 +148,7 @@ class PrincipalForces(NamedTuple):
     """Principal values and directions of forces or moments.
     values    : (m, 2) principal values, the algebraically larger first.
     angle     : (m,) degrees from local x to the first direction, towards local y, from -90 to 90.
-    direction : (m, 3) unit vectors of the first direction. The second direction is normal x first."""
+    direction : (m, 3) unit vectors of the first direction. The second is the cross product of normal and first."""
 
     values: Floats
     angle: Floats

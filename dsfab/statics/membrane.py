@@ -54,7 +54,7 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
     x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6 points), scaled
     powers = np.stack([x**a * y**b for a, b in MONOMIALS], axis=1)
     shares = powers * SHARES
-    linear = shares @ POINTS  # (m, monomial, corner): means of products with phi
+    linear = shares @ POINTS  # (m, monomial, corner): means of a monomial times the hat function of a corner
     square = shares @ powers.transpose(0, 2, 1)
     count, _, k = STRESSES.shape
     compliance = np.einsum("aik,ij,bjl->abkl", STRESSES, np.linalg.inv(C), STRESSES).reshape(count**2, k * k)
@@ -115,7 +115,7 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
 
 
 def _doubled_area_gradients(surface: Surface) -> Floats:
-    """Return gradients of the corners' linear functions times twice the area, (3, 3, m): normal x opposite edge."""
+    """Return each corner's hat function gradient times twice the area, (3, 3, m): cross product of normal and edge."""
     P = surface.V[surface.F].transpose(1, 2, 0)
     edge = np.roll(P, -2, axis=0) - np.roll(P, -1, axis=0)
     n = surface.normals.T
@@ -156,7 +156,7 @@ def corner_strains(surface: Surface) -> Floats:
 
 def bubble_strains(surface: Surface, weights: Floats) -> Floats:
     """Return the strain (m, 3, 6) at a point with barycentric coordinates `weights` (3,), per metre.
-    Columns: unit bubbles along t on the three half-edges, then along m."""
+    Columns: unit edge bubbles of the three edges, first along each edge, then across it (see `BUBBLES`)."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     # slopes of the bubbles 4 phi_j phi_k

@@ -33,7 +33,7 @@ class Material:
     def membrane(self, law: Law) -> Floats:
         """Return the matrix (3, 3), Pa, from strains in the sheet's plane to stresses, for (xx, yy, 2 xy).
         `plane_stress`: the thickness is free to change, as in a thin sheet.
-        `stvk`: the paper's law (St. Venant-Kirchhoff, linearised). The normal stays unstretched, as in plane strain."""
+        `stvk`: linearised St. Venant-Kirchhoff law. The thickness stays constant, as in plane strain."""
         mu = self.young / (2 * (1 + self.poisson))
         lam = self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson))
         if law == "plane_stress":

@@ -29,13 +29,13 @@ from dsfab.statics.stress import stress
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import hat_gradients, tangents
 
-HELD_ACROSS = "its supports are assumed to hold it out of its plane, too"
-UPRIGHT = f"{HELD_ACROSS}, and supported edges not to turn: on hinges it would fall over"
+HELD_ACROSS = "the supports are assumed to prevent movements out of the sheet's plane"
+UPRIGHT = f"{HELD_ACROSS}, and to clamp the supported edges, because a hinged sheet would fall over"
 
 
 @dataclass(frozen=True, eq=False)
 class ModeSupports:
-    """Supports for vibration and buckling. load : the load with these supports. told : assumptions in words."""
+    """Supports for vibration and buckling. load : load case with these supports. told : note on assumptions, or ''."""
 
     load: LoadCase
     told: str = ""
@@ -67,7 +67,7 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
 FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
 """Default elements of frequencies and of buckling."""
 HATS = (np.eye(3) + 1) / 12  # Integrals of phi_j phi_k over a triangle of area 1.
-BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles 4 phi_j phi_k.
+BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles; a bubble is 4 phi_j phi_k.
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
 """Integrals of phi_i (row) times the bubble of half-edge c (column). Half-edge c begins at corner c."""
 VOIGT = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
@@ -77,7 +77,7 @@ MODE_RESIDUAL = 1e-3
 """Largest accepted relative residual of a mode, in the norm of the stiffness.
 The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
 
-INDEPENDENT = 1e-6  # Vectors of energy 1 are combined. A combination with less energy than 1e-6 is a rounding error.
+INDEPENDENT = 1e-6  # If vectors of energy 1 have a combination with less energy, it is left out as a rounding error.
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,7 @@ def buckling(
 
 LOCAL_SHARE = 0.02
 """A mode is local if it moves less than this fraction of the sheet's area, for example only a loose end."""
-MODES_BESIDE_LOCAL = 6  # number of modes to compute if the first is local
+MODES_BESIDE_LOCAL = 6  # number of modes to compute if the lowest mode is local
 
 
 def moved_share(surface: Surface, shapes: Floats) -> Floats:
@@ -181,8 +181,8 @@ def lowest_buckling(
     K: csr_array | None = None,
     factor_of: FactorFunction | None = None,
 ) -> tuple[float | None, str]:
-    """Return the lowest factor of `buckling`, or None; and a clause if its mode is local, else ''.
-    The clause names the place of the mode, and the factor of the first mode that is not local."""
+    """Return the lowest factor of `buckling`, or None; and a note if the mode of this factor is local, else ''.
+    The note states the place of the mode, and the lowest factor of a mode that is not local."""
     factors = factor_of or FactorCache()
     K = sheet_stiffness(sheet, elements) if K is None else K
     lowest = buckling(sheet, load, answer, 1, elements, K, factors)
@@ -195,7 +195,7 @@ def lowest_buckling(
     x, y, z = sheet.surface.V[np.linalg.norm(lowest.shapes[0], axis=1).argmax()].round(2).tolist()
     is_global = moved_share(sheet.surface, several.shapes) >= LOCAL_SHARE
     clause = (
-        f"the first mode of more than {LOCAL_SHARE:.0%} has the factor {several.factor[is_global][0]:.3g}"
+        f"the first mode that moves over {LOCAL_SHARE:.0%} of the area has factor {several.factor[is_global][0]:.3g}"
         if is_global.any()
         else f"the first {len(several.factor)} modes are all local"
     )
@@ -246,7 +246,7 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
     """Return slopes (m, 2, 5, c) of each face along both tangents, for a unit of each unknown, and its unknowns (m, c).
-    The five slopes are the means of x, y and z, and those from the curvature at two quadrature points.
+    Slopes 0 to 2: means of displacements x, y and z. Slopes 3 and 4: from the curvature, at two quadrature points.
     All slopes are multiplied by the square root of the area, so that K_g is the sum of slope . N slope."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
@@ -261,9 +261,9 @@ def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
 
 
 def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
-    """Return the mean gradients (m, 2, 3, 9 + 3 len(names)) of each face: of x, y and z, along both tangents.
+    """Return mean gradients (m, 2, 3, 9 + 3 len(names)) of displacements x, y and z in each face, along both tangents.
     Columns: unit displacements of corners, then the unknowns `names` of half-edges.
-    A normal bubble moves a face along the face's normal only."""
+    Bubble `normal` is along the normal of its edge; only its component along the face's normal counts."""
     slope = np.einsum("mik,mak->mai", hat_gradients(surface), tangents(surface))
     gradients = np.zeros((surface.m, 2, 3, 9 + 3 * len(names)))
     for i in range(3):
@@ -294,8 +294,8 @@ def _supported_modes(
 
 
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
-    """Return the largest positive mu (k,) of A x = mu K x, descending, and x (k, u), for the factor of K.
-    are_results : False if the vectors are only a basis: then residuals may reach `MODE_RESIDUAL`, to save time.
+    """Return the largest positive mu (k,) of A x = mu K x, descending, and vectors x (k, u). factor : factor of K.
+    are_results : False if the caller needs only a basis. Then residuals may reach `MODE_RESIDUAL`, to save time.
     Raises StaticsError if the modes do not converge, or if results are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:
@@ -306,7 +306,7 @@ def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bo
     start = np.random.default_rng(0).standard_normal(N)  # a fixed seed gives repeatable numbers
     tolerance = 1e-10 if are_results else MODE_RESIDUAL
     try:
-        # a few restarts suffice for clearly compressed sheets
+        # a few restarts of the Lanczos method suffice, unless the load barely compresses the sheet
         mu, x = eigsh(operator, count, M=M, Minv=Minv, which="LA", v0=start, maxiter=500, tol=tolerance)
     except ArpackNoConvergence as error:
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
@@ -341,7 +341,7 @@ def refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> t
         steps, _ = refined_solution(factor.map, A @ x - mu * Kx, factor.solve)
         moves = (K @ steps).astype(np.float64)
         energies = np.sqrt(np.einsum("nk,nk->k", steps, moves).clip(0))
-        inexact = energies > MODE_RESIDUAL * mu  # the others are exact: their steps are rounding errors
+        inexact = energies > MODE_RESIDUAL * mu  # smaller corrections are rounding errors
         basis = np.concatenate([x, steps[:, inexact] / energies[inexact]], axis=1)
         forces = np.concatenate([Kx, moves[:, inexact] / energies[inexact]], axis=1)
         energy = basis.T @ forces

@@ -132,7 +132,7 @@ def support_entries(
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
     """Return number and mean of picked vertices (n,), and the length (m) of edges and area (m2) of faces between them.
-    An inner edge counts only if the pick is a line: no face at the edge has three picked corners."""
+    Inner edges of a face with three picked corners do not count."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True

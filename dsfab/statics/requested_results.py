@@ -43,7 +43,7 @@ class ResultRequest:
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
-        """Return the function that factorises the stiffness, with a cache if the modes need the same factor again."""
+        """Return the function that factorises the stiffness. It has a cache if vibration or buckling reuses it."""
         return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 
@@ -92,10 +92,10 @@ def sheet_answers(
 ) -> Answers:
     """Return stress and energy of a solved sheet, and the other requested results.
 
-    stiffness     : function that returns K for given elements; called if the results need other elements than the case.
+    stiffness     : function that returns K for given elements.
     other_factors : function for further factorisations; for loads on the same supports, a `FactorCache` of two.
 
-    Vibration counts only the mass of the sheet, without its loads. Modes that do not converge give a refusal.
+    Vibration counts only the mass of the sheet, without its loads. If modes do not converge, `refusals` has the reason.
     Raises StaticsError if the elements for the results cannot solve the sheet."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane

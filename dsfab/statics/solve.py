@@ -109,7 +109,7 @@ def equilibria(
 ) -> tuple[Equilibrium, ...]:
     """Return the `equilibrium` of each load, then of combinations, from one factorisation.
     K    : (u, u), see `equilibrium`.
-    sums : k factors of the loads for each combination. The residuals of the loads bound that of a combination.
+    sums : k factors of the loads for each combination. Its residual is a bound from the residuals of the loads.
     Raises StaticsError as `equilibrium`, and for loads on different supports."""
     _require_same_supports(loads)
     is_held = held_unknowns(surface, loads, elements)
@@ -163,7 +163,7 @@ def equilibrium_of_unknowns(
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
-    # the force of a spring is -k u here, not K x - f: so the imbalance shows the residual
+    # spring forces are -k u, not K x - f, so that the residual of the solution appears in the imbalance
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))

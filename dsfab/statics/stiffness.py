@@ -1,4 +1,4 @@
-"""Stiffness of a sheet: membrane and bending together; also with a factor for each face."""
+"""Stiffness of a sheet from membrane and bending. The stiffness of each face can be scaled."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -95,8 +95,8 @@ class FaceStiffness:
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """Return the factor of K for factors `scale` (m,) on faces. Raises StaticsError for a mechanism.
-        earlier : an earlier factor, which is overwritten; its order of unknowns saves time."""
+        """Factorise K for stiffness scales `scale` (m,) of the faces. Raises StaticsError for a mechanism.
+        earlier : an earlier factorisation, which is overwritten; its order of unknowns saves time."""
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)

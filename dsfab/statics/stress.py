@@ -43,7 +43,7 @@ def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
     Elements `quadratic` and `hybrid` have the strains of the quadratic triangle."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
-    corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2): displacements in the frame
+    corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2): displacements in the face's frame
     strain = np.repeat(voigt(slope, corner).sum(axis=1)[:, None], 3, axis=1)
     if answer.bubbles is None:
         return strain
@@ -154,7 +154,7 @@ class SheetStress:
         for name in ("membrane", "bending"):
             values, smooth = getattr(self, name), f"smooth_{name}"
             lock(self, name, np.float64, (m, 3, 3))
-            if getattr(self, smooth) is values:  # stays the same array
+            if getattr(self, smooth) is values:  # keep one array if both names have the same array
                 object.__setattr__(self, smooth, getattr(self, name))
             else:
                 lock(self, smooth, np.float64, (m, 3, 3))

@@ -1,9 +1,9 @@
-"""Answers and buckling factors of a sheet at thicknesses near its own, from one factorisation.
+"""Displacements and buckling factors of a sheet at thicknesses near its own, from one factorisation.
 
 The stiffness at thickness t is K(t) = t A + t^3 B + S: membrane, bending, springs. The loads are f(t) = f0 + t f1,
-because only the weight of the sheet grows. The answers and their derivatives form a reduced basis [Noor and Peters
+because only the weight of the sheet grows. Solutions and their derivatives in t form a reduced basis [Noor and Peters
 1980]. The derivatives (K^-1 dK/dt)^j K^-1 f need no further factorisation [Grimme 1997].
-Buckling modes and their derivatives are a second basis. Its factors are upper bounds [Rayleigh-Ritz]."""
+Buckling modes and their derivatives form a second basis, which gives upper bounds of the factors [Rayleigh-Ritz]."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -32,9 +32,9 @@ INDEPENDENT = 1e-10
 ACCURATE = 2.0
 """For a sheet solved at thickness t, results are accurate from t / ACCURATE to t ACCURATE. Largest errors on cut
 vaults: 0.1 % in displacements, 0.4 % in stresses, 2 % in buckling factors."""
-DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of derivatives of answers, and of buckling modes.
+DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of derivatives in the thickness: of solutions, and of buckling modes.
 MODES = 3  # Number of modes of a case; the order of modes changes with the thickness.
-CASES = 3  # Number of cases with modes in the basis, those with most compression.
+CASES = 3  # Number of load cases whose modes are in the basis: the cases with the largest compression.
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class ThicknessStiffness:
         return vectors
 
     def projection(self, basis: Floats) -> Floats:
-        """Return A, B and the springs, projected on a basis (u, b): (3, b, b)."""
+        """Return the membrane, bending and spring stiffness, each projected on a basis (u, b), as (3, b, b)."""
         corners = basis[: self.load.spring.size]
         springs = corners.T @ (self.load.spring.ravel()[:, None] * corners)
         parts = basis.T @ (self.membrane @ basis), basis.T @ (self.bending @ basis), springs
@@ -122,7 +122,7 @@ class ThicknessBasis:
     constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m.
     vectors   : (u, b) basis of the answers.
     reduced   : (3, b, b) `projection` on `vectors`.    modes : (3, s, s) `projection` on the buckling modes.
-    geometric : (b, s, s) products x_i . -K_g x_j of modes, for each vector's stress in a sheet 1 m thick."""
+    geometric : (b, s, s) products x_i . -K_g x_j of modes. K_g is for the stress of one vector in a sheet 1 m thick."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]
@@ -207,7 +207,7 @@ class ThicknessBasis:
 
 
 def _sum(parts: Floats, thickness: float) -> Floats:
-    """Return t A + t^3 B + S (b, b) from a `projection` (3, b, b)."""
+    """Return t A + t^3 B + S (b, b). parts : (3, b, b) projected stiffness of membrane A, bending B and springs S."""
     return np.asarray(thickness * parts[0] + thickness**3 * parts[1] + parts[2])
 
 

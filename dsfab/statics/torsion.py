@@ -14,7 +14,7 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""Least angle, seen from the centre of a disc, between two points of the disc on different sides of the material.
+"""If the angle between two points at a disc's centre is larger than this, they are on different sides of the material.
 Points at a smaller angle lie on the same side, at a kink [Ma, Bae and Choi 2012]."""
 
 
@@ -22,7 +22,7 @@ def torsion_share(ratio: Floats) -> Floats:
     """Return the torsional stiffness of rectangles w x h, divided by G w h^3 / 3 of thin strips.
     ratio : (...) w / h. For w > h the result is 1 - 0.63 h / w (1 - h^4 / 12 w^4). For w < h the formula has w and h
             exchanged, and a factor w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
-    ratio = np.maximum(ratio, 0.01)  # K with narrower ribs cannot be solved accurately
+    ratio = np.maximum(ratio, 0.01)  # at lower ratios, the equations of the sheet cannot be solved accurately
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)
     return np.asarray((1 - lost) * np.minimum(ratio, 1.0) ** 2)
@@ -86,8 +86,8 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
     """Return the negative stiffness, over the unknowns of `elements`, that makes ribs twist as softly as bars.
-    On each face D loses (1 - share) D_66 t t^T, where t . kappa = 2 kappa_ab is the twist, a the direction along the
-    rib and b the direction across it. Raises ValueError for bending that is neither `hhj` nor `midedge`."""
+    The bending stiffness D of each face loses (1 - share) D_66 t t^T. The twist is t . kappa = 2 kappa_ab, where a
+    points along the rib and b across it. Raises ValueError for bending that is neither `hhj` nor `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
         raise ValueError(f"{elements}: only hhj and midedge bending can reduce the torsion of ribs")
     share = torsion_share(ribs.widths / sheet.thickness)

@@ -18,7 +18,7 @@ from dsfab.surface import LoadCase
 LEAST = 1e-4
 """Least thickness, as a fraction of the sheet's thickness, so that empty faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Largest change of a face, as a fraction of the sheet's thickness: in the last step, and in any step. Most steps."""
+"""Change of thickness, as a fraction, at which the steps end; largest change per step; largest number of steps."""
 
 
 class VaryingSheet(NamedTuple):
@@ -67,7 +67,7 @@ def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: 
     """Return x sqrt(gain / multiplier) (m,), changed by at most `move`, with the multiplier for `area` [Bendsoe 1995].
 
     gain  : (m,) decrease of the compliance per area of material added to a face.
-    solid : (m,) faces that stay at 1.    area : sum of the results times `areas`, m2."""
+    solid : (m,) faces whose result is always 1.    area : sum of the results times `areas`, m2."""
     low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)

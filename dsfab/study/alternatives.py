@@ -18,7 +18,7 @@ from dsfab.study.judges import Judge, Judgement, full, quick
 
 @dataclass(frozen=True)
 class Spread:
-    """Statistics of the compliances (J) of all variants of a competitor. Each variant is solved once.
+    """Statistics of the compliances (J) of all variants of a competing structure. Each variant is solved once.
     tried, carried : number of variants, and number of variants that carry the loads.
     best, mean, worst : compliances of the variants that carry the loads.
     median : median of all variants. The compliance of a variant that does not carry the loads counts as infinite."""
@@ -207,13 +207,13 @@ def design_alternatives(design: Design) -> tuple[Alternative, ...]:
 def alternatives(
     task: ComparisonTask, structure: Structure, names: Sequence[str] = tuple(ALTERNATIVE_WORDS)
 ) -> tuple[Alternative, ...]:
-    """Return the named alternatives to a structure. Each has the mass of the task's design."""
+    """Compare a structure with the structures `names` of `ALTERNATIVE_WORDS`, which have the mass of the design."""
     makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
     return tuple(makers[name](task, structure) for name in names)
 
 
 class _BoundedCompliance(NamedTuple):
-    """A compliance (J) with its relative error bound. It is infinite if the structure fails for the reason `error`."""
+    """A compliance (J), infinite if the structure fails, with its relative error bound. error : reason of failure."""
 
     compliance: float
     bound: float
@@ -228,7 +228,7 @@ def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternati
     design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)
     alternative = _alternative("thinner", design, rival, "one solve each")
     if alternative.low <= 1 <= alternative.high:
-        judge, checked = (quick, "one solve each") if task.is_plane else (full, "the sheet checked in full")
+        judge, checked = (quick, "one solve each") if task.is_plane else (full, "full check of the thinner sheet")
         design, rival = _judged_compliance(quick, task, structure), _judged_compliance(judge, task, thin)
         alternative = _alternative("thinner", design, rival, checked)
     return alternative
@@ -240,7 +240,7 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alterna
     accurate elements solve these two pairs and the design."""
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
-    level = f"one solve each, best of {len(blind.pairs)} pairs"
+    level = f"one solve each, best of {len(blind.pairs)} pairs of modes"
     try:
         trial = Trial(blind.preset, replace(task.stressed_surface, diffusion=blind.diffusion()))
     except DsfabError as error:
@@ -265,7 +265,7 @@ def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompl
 
 
 def judged_alternatives(design: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Return the competitors that are also in `ALTERNATIVE_WORDS` as alternatives, with their judged compliances."""
+    """Return an alternative, with judged compliances, for each competitor in `ALTERNATIVE_WORDS`."""
     design_value, judged = _competitor_compliance(design), []
     for rival in (rival for rival in rivals if rival.name in ALTERNATIVE_WORDS):
         level = f"{rival.judgement.level} check" if rival.judgement else ""
@@ -290,7 +290,7 @@ def _alternative(name: str, design: _BoundedCompliance, rival: _BoundedComplianc
 
 
 def _ranked_compliance(task: ComparisonTask, structure: Structure) -> _BoundedCompliance:
-    """Return the compliance of a cut sheet by one solve with the fast elements of a search; its error is 5 to 15 %."""
+    """Return the compliance of a cut sheet by one solve with fast elements; its error is 5 to 15 %."""
     statics = task.preset.statics
     try:
         loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure))

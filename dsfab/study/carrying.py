@@ -243,7 +243,7 @@ def cut_carrying(statics: CutStatics) -> Carrying:
         return outcome
     factor, buckling_case, aside = _buckling(statics)
     if use.value > 1:
-        faults.append(f"{use.member} is used to {use.value:.0%} of its resistance ({use.check})")
+        faults.append(f"the load on {use.member} is {use.value:.0%} of its resistance ({use.check})")
     if factor is not None and factor <= 1:
         faults.append(f"it buckles at {factor:.2g} times its load")
     remarks = (*outcome.remarks, *aside, *_narrow_ribs(statics))
@@ -255,7 +255,7 @@ def _narrow_ribs(statics: CutStatics) -> tuple[str, ...]:
     ratio = rib_width(statics.model.surface) / statics.thickness
     if ratio >= NARROW_RIB or next(iter(statics.answers.values())).elements.bending is None:
         return ()
-    solid = "a solid twists more easily, so it may move more and buckle earlier; dsfab compare bounds the difference"
+    solid = "the solid twists more easily than the shell; it may move more and buckle earlier (see dsfab compare)"
     return (f"ribs are only {ratio:.2g} times as wide as the sheet is thick: {solid}",)
 
 
@@ -348,8 +348,8 @@ def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
     across = V - (V @ down)[:, None] * down
     half, straight = (float(np.max(cKDTree(x[load.supported]).query(x)[0])) for x in (across, V))
     if 2 * half < straight:
-        return straight, "from a support to the farthest place"
-    return 2 * half, f"twice the {length(half)} from the supports to the farthest place"
+        return straight, "the distance from a support to the farthest place"
+    return 2 * half, f"twice the distance of {length(half)} from the supports to the farthest place"
 
 
 def _buckling(statics: CutStatics) -> tuple[float | None, str, tuple[str, ...]]:

@@ -27,8 +27,8 @@ and only thin wedges come close to plane stress."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
-    """Return the nodes (n + e, 3), metres, and the triangles (m, 6) of a surface. The middles of edges follow the
-    vertices. The six nodes of a triangle are its corners, and the middles of its sides 1-2, 2-3 and 3-1."""
+    """Return the nodes (n + e, 3), metres, and the triangles (m, 6) of a surface. The vertices are the first nodes;
+    the middles of edges come next. A triangle's nodes are its corners, then the middles of its sides 1-2, 2-3, 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
@@ -39,9 +39,9 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
     force  : (n, 3) newtons on the vertices. They include the loads `spread`.
     spread : loads per area and per length.
 
-    The shape function of a middle node is the bubble function of its edge. So the node takes the force on the
-    bubble. The shape function of a corner contains minus half of this bubble. So each end of the edge loses half of
-    the force."""
+    The shape function of a middle node is the bubble function of its edge, so the force on this node is the work of
+    the loads on the bubble. The shape function of a corner contains minus half of this bubble, so each end of the edge
+    loses half of the middle node's force."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
@@ -122,9 +122,9 @@ def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel
     share = min(1.0, thickness / model.thickness)
     if share < 1:
         notes.append(
-            f"SECTION: {model.thickness * share:.6g} m with Young's modulus {model.young / share:.6g} Pa stands for "
-            f"{model.thickness:.6g} m with {model.young:.6g} Pa: CalculiX makes solids of plane elements, which are in "
-            f"plane stress when they are thin. Displacements and reactions stay; divide stresses by {1 / share:.5g}"
+            f"SECTION: {model.thickness * share:.6g} m with Young's modulus {model.young / share:.6g} Pa replaces "
+            f"{model.thickness:.6g} m with {model.young:.6g} Pa, because CalculiX elements need a small thickness for "
+            f"plane stress. Displacements and reactions do not change; divide stresses by {1 / share:.5g}"
         )
     return replace(
         model,
@@ -140,8 +140,8 @@ def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel
 
 
 UNRELIABLE = (
-    "S6 shells are unreliable on cut curved sheets: CalculiX may refuse the file or answer far too soft; check the "
-    "uncut sheet instead, or a sheet that is flat and loaded in its plane"
+    "S6 shells are unreliable on cut curved sheets: CalculiX may refuse the file or find far too large displacements; "
+    "check the uncut sheet instead, or a sheet that is flat and loaded in its plane"
 )
 LOADS = {
     "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
@@ -205,8 +205,8 @@ def _mode_lines(preset: Preset, setting: LoadedSurface, material: Sheet, progres
     lines += [f"Lowest natural frequency: {_ascii_estimate(modes.hertz, 'Hz')}"] if modes.hertz else []
     if lines:
         assumed = f"; {modes.assumed}" if modes.assumed else ""
-        meshes = f"Both values are extrapolated from {len(modes.levels)} meshes"
-        lines.append(f"{meshes}{assumed}: no step of this file computes them")
+        meshes = f"Buckling factors and frequencies are extrapolated from {len(modes.levels)} meshes"
+        lines.append(f"{meshes}{assumed}; no step of this file computes these values")
     return [*lines, *modes.refusals]
 
 
@@ -252,7 +252,7 @@ def _check_model(
         ),
         *modes,
         "Reactions are as CalculiX prints them: forces of its rigid supports together with the loads on their nodes",
-        "Where the two differ by more than you accept, refine the mesh (surface.refine, surface.edge)",
+        "If CalculiX and dsfab differ by more than you accept, refine the mesh (surface.refine, surface.edge)",
     )
     return CheckModel(replace(model, name=preset.name, notes=notes), surface, answers, warnings)
 
@@ -285,7 +285,7 @@ def _expected_lines(name: str, model: CalculixModel, u: Floats, reaction: Floats
     pair = elements_of("six_nodes")
     yield f"{name}: {_vector(force.sum(axis=0))} N in all. With {pair} elements on the same triangles dsfab finds"
     yield f"  largest displacement {np.linalg.norm(u[node]):.6g} m of a corner, node {node + 1}, {_vector(u[node])} m"
-    yield f"  internal energy {energy:.6g} J of the sheet, half of the compliance without that of springs"
+    yield f"  internal energy {energy:.6g} J of the sheet: half of the compliance, minus the energy of springs"
     for support, directions in model.supports.items():
         members: Bools = np.asarray(directions.any(axis=1))
         printed = reaction[members[: len(u)]].sum(axis=0) + force[members].sum(axis=0)

@@ -29,16 +29,16 @@ from dsfab.study.baselines.structures import striped_structure
 from dsfab.study.judges import Judge, Judgement, full, quick
 from dsfab.study.verdict import BUDGET
 
-NameReport = Callable[[str], None]  # receives the name of the next competitor
+NameReport = Callable[[str], None]  # receives the name of the structure that is compared next
 
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """A design and its competitors under the loads that the pattern follows; a smaller compliance is stiffer.
-    The compliance is the sum over the load cases, with the weights of [diffusion].
+    """A design and its competitors, structures of the same mass, under the loads that the pattern follows.
+    The compliance is the sum over the load cases, with the weights of [diffusion]; a smaller compliance is stiffer.
     task      : common input of the competitors.
     pattern   : quality of the design's pattern; None if its widths are scaled or it cannot be cut.
-    looked_at : alternatives that are not among the competitors, compared by a fast solve."""
+    looked_at : structures of `ALTERNATIVE_WORDS` that are not competitors, compared by a fast solve."""
 
     name: str
     task: ComparisonTask
@@ -50,12 +50,12 @@ class Comparison:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """The thinner sheet and the isotropic stripes, from the competitors if possible, else from `looked_at`."""
+        """The compared structures of `ALTERNATIVE_WORDS`, from the competitors if possible, else from `looked_at`."""
         judged = judged_alternatives(self.design, self.rivals)
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
-        """Return the comparison with both alternatives. Those that are not competitors are compared by a fast solve."""
+        """Return the comparison with all structures of `ALTERNATIVE_WORDS`. Fast solves add the missing structures."""
         missing = [name for name in ALTERNATIVE_WORDS if name not in {rival.name for rival in self.rivals}]
         structure = self.design.structure
         return replace(self, looked_at=alternatives(self.task, structure, missing)) if structure and missing else self
@@ -211,13 +211,13 @@ def _with_measures(task: ComparisonTask, entered: Competitor, structure: Structu
 
 
 def _smallest_member(structure: Structure) -> float | None:
-    if structure.cells is structure.sheet:  # uncut
+    if structure.cells is structure.sheet:  # an uncut sheet
         return None
     member = features(structure.cells, kept_cells(structure.cells, structure.sheet), structure.names).member
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # time of a full check; key True: a flat sheet loaded in its plane
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # of a full check; True for a flat sheet with loads in its plane
 Level = Literal["quick", "full"]
 
 
@@ -234,8 +234,8 @@ class Checks:
     progress: Progress = silent
 
     def judge(self, depth: str, every: bool = False) -> Judge:
-        """Return the judge for a depth: quick, full or whole.
-        depth : "whole" means full for uncut sheets, which have coarse meshes, and quick for cut sheets.
+        """Return the function that checks a structure to a depth.
+        depth : "quick", "full", or "whole": full for uncut sheets, which have coarse meshes, and quick for cut sheets.
         every : True to judge all cases; else only those that the pattern follows."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
@@ -245,8 +245,8 @@ class Checks:
 
 
 class Judges(NamedTuple):
-    """The judge of the design (for all cases) and the judge of its competitors.
-    told : reason why cut competitors are solved only once; '' if they get a full check."""
+    """Functions that compute the compliance of the design (`own`, all load cases) and of its competitors (`rival`).
+    told : reason why competitors with openings are solved only once; '' if they get a full check."""
 
     own: Judge
     rival: Judge
@@ -267,7 +267,7 @@ def compare(
 
 
 def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
-    """Return the judges of the design and of its competitors. against : names of the competitors."""
+    """Return the functions that solve the design and its competitors. against : names of the competitors."""
     names = tuple(baselines_by_name(against))
     if checks.level is None and _can_be_cut(design):
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
@@ -275,15 +275,15 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
         seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # time on one core with two meshes
         if seconds > 60:
-            reason = f"full checks of all would take about {seconds:.0f} s: cut competitors are judged by one solve"
+            reason = f"full checks would take about {seconds:.0f} s, so competitors with openings get only one solve"
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)
     depth = checks.level or "full"
     return Judges(checks.judge(depth, True), checks.judge(depth))
 
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
-    """Return the judge `full` for comparisons at many shares of one surface. It judges equal uncut sheets only once.
-    memory : bytes that the solver may take."""
+    """Return `full` for comparisons of one surface with different amounts of material. Equal uncut sheets are solved
+    once. memory : bytes that the solver may take."""
     judge = partial(full, budget=memory)
     return _full_for_whole_sheets(judge, judge)
 
@@ -296,7 +296,7 @@ def _can_be_cut(design: Design) -> bool:
 
 
 def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
-    """Return a judge. It uses `cut` for cut sheets. For uncut sheets it uses `whole_judge`, once for each thickness."""
+    """Return a function that solves cut sheets by `cut`, and uncut sheets by `whole_judge`, once per thickness."""
     judgements: dict[float, Judgement] = {}
 
     def judge(task: ComparisonTask, structure: Structure) -> Judgement:

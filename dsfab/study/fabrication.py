@@ -39,8 +39,8 @@ class Check:
 
 @dataclass(frozen=True)
 class PieceContacts:
-    """A connected piece of the sheet with its area (m2). supports, loads : numbers (from 1) of those on the piece.
-    names : names of these supports and loads."""
+    """A connected piece of the sheet. area : m2.    names : names of its supports and loads.
+    supports, loads : numbers (from 1) of the supports and of the loads that act on the piece."""
 
     area: float
     supports: tuple[int, ...]
@@ -89,8 +89,8 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
-    """Return reasons (clauses) why an export needs the user's consent: loads without support, and places where the
-    sheet is a film. For a workshop design, members that are too narrow and gaps under 1 mm are reasons, too.
+    """Return reasons (clauses) why an export needs the option --accept: loads without support, and places where the
+    solid is thinner than `FILM`. In a workshop design, members and gaps under 1 mm that miss their limit count, too.
     measured : measures of the design. If it is None, members and gaps are not checked."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
@@ -108,8 +108,8 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
 
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
-    """Raise PatternError if there are `refusals` and the preset does not accept them (`fabrication.accept`).
-    measure : True to measure a workshop design if `measured` is None."""
+    """Raise PatternError if `refusals` finds reasons against an export and `fabrication.accept` is false.
+    measure : True to compute the measures of a workshop design if `measured` is None."""
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):
@@ -160,12 +160,12 @@ def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
 
 ATTEMPTS = 8  # largest number of changes of a design; each takes a whole run
 MARGIN = 1.02  # requested width divided by the limit: above 1 because slicing may narrow a member slightly
-COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor that lowers frequencies in one change
+COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor on the stripes' frequencies in one change of a design
 
 
 @dataclass(frozen=True, eq=False)
 class FixedDesign:
-    """A design that meets its limits, its measures, and the changed keys with their old and new values."""
+    """A design that meets its limits. made : its measures.    changes : old and new value of each changed key."""
 
     design: Design
     made: FabricationMeasures
@@ -173,9 +173,9 @@ class FixedDesign:
 
 
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
-    """Return the design, changed until no check of its [fabrication] fails.
-    Least widths of members and gaps are raised first. Later changes also lower the frequencies.
-    Raises PatternError if only the thickness or the machine could meet a limit, or if `ATTEMPTS` changes do not
+    """Change a design until no check of its [fabrication] fails, and return it.
+    The first changes raise the least widths of members and gaps. Later changes also lower the stripes' frequencies.
+    Raises PatternError if a limit fails that no pattern can meet (`min_wall`, `bed`), or if `ATTEMPTS` changes do not
     suffice."""
     original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
@@ -259,7 +259,7 @@ def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def raised_value(value: float, check: Check) -> float:
-    """Return a larger width (m): the limit, or up to 1.25 times an old width that is above the limit."""
+    """Return a larger width (m): the limit, or at most 1.25 times a `value` that is already above the limit."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)

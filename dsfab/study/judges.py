@@ -64,7 +64,7 @@ class CaseResponse:
 
 @dataclass(frozen=True)
 class Judgement:
-    """Result of a judge for a structure.
+    """Computed compliance of a structure, response to each load, and verdict on the accuracy.
     compliance : weighted sum over the loads that the pattern follows, joules.
     bound      : relative error bound, or None.
     verdict    : `pass` if the bound is small enough.     reason : explanation of the verdict.
@@ -120,7 +120,8 @@ def quick(
     task: ComparisonTask, structure: Structure, ask: ResultRequest | None = None, every: bool = False
 ) -> Judgement:
     """Judge by one solve on the unrefined mesh. This is enough to compare similar sheets, but not for a verdict.
-    The bound is 5 %, which holds for nine designs in ten. Uncut sheets that bend have coarse meshes and get 50 %.
+    The error bound of the compliance is 5 %, which holds for nine designs in ten. For uncut sheets that bend, it is
+    50 %, because their meshes are coarse.
     ask   : requested frequencies and buckling factors; only the lowest are computed.
     every : True to judge all cases and combinations; else only those that the pattern follows.
     Raises StaticsError if the structure does not carry a load."""
@@ -128,9 +129,9 @@ def quick(
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
     total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
     typical, largest = estimates.QUICK_ERRORS
-    text = f"one solve on the cut mesh, typically within {typical:.0%}, nine in ten within {largest:.0%}: no verdict"
+    text = f"one solve on the cut mesh: typical error {typical:.0%}, 90 % of designs under {largest:.0%}; no verdict"
     if structure.cells is structure.sheet and not task.is_plane:
-        largest, text = (0.5, "one solve on the mesh of a whole sheet: its error was a third once, and may be larger")
+        largest, text = (0.5, "one solve on the uncut mesh: the largest known error is a third; it may be larger")
     return Judgement(total, cases, bound=largest, reason=text)
 
 
@@ -201,7 +202,7 @@ def full(
     """Judge on finer and finer meshes, with error bounds for compliance, buckling and frequency. The stress is that of
     the finest mesh. Displacements and reactions are those of the unrefined mesh. If the memory is too small for finer
     meshes, the result is that of `quick`.
-    every : True to judge all cases and combinations. If the sheet carries only the followed loads, it fails.
+    every : True to judge all cases and combinations. If the sheet does not carry all of them, the verdict is `fail`.
     ask   : requested frequencies and buckling factors.         budget : memory, bytes.
     Raises StaticsError if the structure does not carry the loads that its pattern follows."""
     try:

@@ -22,7 +22,7 @@ REACH, REACH_UP = 3.0, 6.0
 """Range of tried thicknesses: from the first guess divided by `REACH` to the guess times `REACH_UP`."""
 OWN_CUTS = 3  # Largest number of designs that are cut again for their own thickness.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
-MORE, MOST = 1.3, 0.75  # Factor that increases the share of material, and largest share.
+MORE, MOST = 1.3, 0.75  # Factor that raises the share of the surface with material, and largest share.
 CLOSER = 0.75  # Factor on the spacing of members if more material does not suffice.
 
 
@@ -76,8 +76,8 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield a table of the trials, then remarks.
-        every : True for all trials. False for the cut designs and one draft: the next thinner sheet, or the chosen
-                thickness with each pattern if the pattern was changed or misses targets."""
+        every : True for all trials. False for the cut designs and the draft of the next thinner sheet. If the pattern
+                was changed or misses targets, this draft is replaced by all drafts of the chosen thickness."""
         thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
         if every or self.changes or not self.fits:
             shown = {trial.thickness for trial in self.trials} if every else {thickness}
@@ -90,7 +90,7 @@ class SizingResult:
             yield f"thicknesses: {self.stock}"
         if self.changes:
             values = ", ".join(f"{key} = {value:g}" for key, value in self.changes.items())
-            yield f"no thickness suffices with the pattern of the preset; changed: {values}"
+            yield f"no thickness suffices with the pattern of the preset, so these keys were changed: {values}"
         if not self.fits:
             yield (
                 f"no thickness meets the targets; {length(thickness)} comes nearest: add supports, give the "
@@ -137,8 +137,8 @@ def guessed_preset(preset: Preset) -> Preset:
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design with the thinnest sheet that meets the targets of [sizing]. Its last stage is slicing.
 
-    One solve of a draft of the cut sheet gives the results for thicknesses near its own. Then the design is cut and
-    solved for the thickness that comes nearest to the targets, and for its neighbours where they may be better.
+    One solve of a draft of the cut sheet gives approximate results for similar thicknesses. Then the design is cut and
+    solved for the thickness that comes nearest to the targets, and for the next thicknesses if they may be better.
     If no thickness suffices, the pattern gets more material, then also a smaller spacing. If this does not help, the
     result is the design that comes nearest to the targets.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
@@ -180,8 +180,8 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
-    """Return trials of the thicknesses near that of a draft. If a better thickness may lie beyond them, another draft
-    has the thinnest or thickest of them; if this is the same thickness, it has the next one of the stock.
+    """Return trials of the thicknesses near that of a draft. If a better thickness may lie beyond this range, a draft
+    at the end of the range follows. If the last draft was at this end, the new draft has the stock's next thickness.
     Raises PatternError or StaticsError if the first draft fails."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
@@ -216,8 +216,8 @@ def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
     """Return trials of designs that are cut for their own thickness, and the thinnest sufficient design or None.
-    The first cut has the thickness whose row comes nearest to the targets; the last trial is of the returned design.
-    Raises PatternError or StaticsError if a cut fails before a design suffices."""
+    The first cut has the thickness that is nearest to the targets according to `rows`. The last trial is the trial of
+    the returned design. Raises PatternError or StaticsError if a cut fails before a design suffices."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     k = rows.thinnest_sufficient()
     if 0 < k < count and rows.full_trial(k - 1).worst * rows.full_trial(k).worst < 1:
@@ -252,12 +252,12 @@ def _with_result(design: Design, result: SizingResult) -> Design:
 def stock_thicknesses(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
     """Return the thicknesses to try (m), ascending, and the source of this list. guess : metres."""
     if preset.sizing.thicknesses:
-        return sorted(preset.sizing.thicknesses), "sizing.thicknesses of the preset"
+        return sorted(preset.sizing.thicknesses), "the list sizing.thicknesses of the preset"
     stock = STOCK.get(preset.statics.material or "")
     if stock is None:
         down, up = (int(np.log(reach) / np.log(SERIES)) for reach in (REACH, REACH_UP))
         series = [two_digits(guess * SERIES**k) for k in range(-down, up + 1)]
-        return series, "steps of 15 %, because statics.material names no material with a stock"
+        return series, "steps of 15 %, because dsfab knows no stock thicknesses of statics.material"
     within_reach = [t for t in stock.metres if 1 / REACH <= t / guess <= REACH_UP]
     source = f"{preset.statics.material}, {stock.source}"
     return within_reach or [min(stock.metres, key=lambda t: abs(t - guess))], source
@@ -288,7 +288,7 @@ class _StockTrials:
         return bisect_left(range(count), True, lo=start, key=lambda k: self.full_trial(k).worst <= 1)
 
     def full_trial(self, k: int) -> SizingTrial:
-        """Return the trial of thickness k with its utilisation, the slowest result, computed on demand."""
+        """Return the trial of thickness k. Its utilisation, which takes longest, is computed on the first call."""
         row = self.trials[k]
         if row.utilisation is None:
             outcome = use_and_movement(self.statics(row.thickness))
@@ -300,7 +300,7 @@ class _StockTrials:
 
 
 def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) -> _StockTrials:
-    """Return trials of each thickness without utilisation. Raises StaticsError if the cut sheet does not stand."""
+    """Return a trial for each thickness, without utilisation. Raises StaticsError if the loads are not carried."""
     progress("sizing", f"solving a draft of the cut sheet for {len(stock)} thicknesses")
     loads = cut_loads(design, design.preset.statics.thickness)
     model = design.preset.statics.sheet().model_for(design.sheet.surface)
@@ -313,11 +313,11 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
-    """Return the trial of a solved structure.
+    """Return the results for a solved structure as a trial.
     row : earlier trial of this thickness, for a sheet that was cut for another thickness. If `outcome` has no buckling
           factor, that of `row` is used."""
     targets = design.preset.sizing
-    use = outcome.use.value if outcome.use else float("inf") if row else None  # None: not yet computed
+    use = outcome.use.value if outcome.use else float("inf") if row else None  # None if use is not yet computed
     movement = outcome.movement.share if outcome.movement else float("inf")
     factor = outcome.buckling or (row.buckling if row else float("inf"))
     excess: dict[str, float] = {} if use is None else {"utilisation": use / targets.utilisation}

@@ -101,7 +101,7 @@ def expected_seconds(values: Values, stages: Mapping[str, float], picture: float
     """Return the expected time (s) for all pictures, from the times of each stage and of one picture."""
     total = picture * count(values)
     for stage, seconds in stages.items():
-        # a stage runs once for each combination of the values of its keys and of all keys of earlier stages
+        # a stage runs once for each combination of values of its own keys and of the keys of earlier stages
         total += seconds * prod(len(v) for key, v in values.items() if stage_of(key) <= STAGES.index(stage))
     return total
 

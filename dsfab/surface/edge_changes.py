@@ -77,7 +77,7 @@ def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -
 def _check_count(count: int, target: float) -> None:
     if count > MOST_TRIANGLES:
         raise SurfaceError(
-            f"refining to edges of {target:g} m takes over {MOST_TRIANGLES:,} triangles; use longer edges"
+            f"refining to edges of {target:g} m needs more than {MOST_TRIANGLES:,} triangles; use longer edges"
         )
 
 
@@ -232,7 +232,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Mark the quads (k, 4) of faces (k, 2) that may flip: c-d is new and near the surface, and no face turns over."""
+    """Mark the quads (k, 4) of faces (k, 2) that may flip: c-d is a new edge near the surface; no face turns over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

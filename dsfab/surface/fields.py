@@ -27,7 +27,7 @@ def hat_gradients(surface: Surface) -> Floats:
 
 
 def tangents(surface: Surface) -> Floats:
-    """Return an orthonormal frame (m, 2, 3) of each face's plane: the first edge's direction t, and normal x t."""
+    """Return orthonormal axes (m, 2, 3) in each face's plane: direction t of the first edge, and n x t (normal n)."""
     edge = surface.V[surface.F[:, 1]] - surface.V[surface.F[:, 0]]
     t1 = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     return np.stack([t1, np.cross(surface.normals, t1)], axis=1)
@@ -62,8 +62,8 @@ Kind = Literal["edge", "centre"]  # An edge of the material, or the middle line 
 class StructureLine:
     """A line of the structure, as a polyline on the surface.
     kind   : "edge", an edge of the material, or "centre", the middle line of a member.
-    family : "major", "minor", "keep", "rim", or "boundary" where material ends with the surface.
-    number : number of the stripe in its family: the stripe coordinate of its middle line; 0 without stripes.
+    family : "major", "minor", "keep" (kept regions), "rim", or "boundary" for edges of the uncut surface.
+    number : number of the stripe in its family; 0 for lines without a stripe.
     part   : 1, 2, ... among the lines of the same kind, family and number.
     points : (k, 3) metres; the last point repeats the first if the line is closed.
     length : length of the line on the mesh, before any simplification, metres."""
@@ -130,7 +130,7 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 
 class _Nodes(NamedTuple):
-    """Points where level lines cross edges. The nodes of edge e begin at offset[e], and their levels at begin[e]."""
+    """Points where level lines cross edges. On edge e, the first point has index offset[e] and level begin[e]."""
 
     offset: Ints
     begin: Ints
@@ -244,7 +244,7 @@ class CornerField:
     shift  : (m, 3) offset at each corner of a face. The value at the corner is sign * x + shift.
     blank  : (m,) faces without a field; the cut leaves them whole.
     wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere.
-    In a band, a place is material if more levels lie below x[:, 0] than below x[:, 1]. An opening cut by
+    In a band, a place is material if x[:, 0] is above more levels of the cut than x[:, 1]. An opening cut by
     earlier fields stays or is filled, depending on the mean of `wanted` in it."""
 
     x: Floats
@@ -263,7 +263,7 @@ class CornerField:
 
     @cached_property
     def changed_faces(self) -> Bools:
-        """Marks (m,) of the faces on which sign or shift changes a value."""
+        """Mask (m,) of the faces where `sign` or `shift` makes a corner's value different from x."""
         return np.asarray(((self.sign < 0) | (self.shift != 0)).any(axis=1))
 
     def corners(self, F: Ints) -> Floats:
@@ -317,7 +317,7 @@ class DividedSurface:
         return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
 
     def origins_on_parts(self, origins: Origins) -> Origins:
-        """Convert origins of distances from the undivided surface to the divided surface."""
+        """Convert the origins from which distances are measured, from the undivided to the divided surface."""
         if self.surface is self.whole:
             return origins
         n, whole_edges, part_edges = self.whole.n, self.whole.edges, self.surface.edges
@@ -327,7 +327,7 @@ class DividedSurface:
         edges[uncut] = origins.edges[np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))]
         parts = self.cut_parts()
         corners = self.corners(parts)
-        # is_on_side[part, k, j]: True if side k of the part lies on its face's side opposite corner j
+        # is_on_side[part, k, j]: True if side k of the part lies on the side of its face that is opposite corner j
         is_on_side = (corners == 0) & (corners[:, [1, 2, 0]] == 0)
         marked = origins.edges[whole_edges.of[self.parent[parts]][:, [1, 2, 0]]]
         part, side, _ = np.nonzero(is_on_side & marked[:, None, :])
@@ -360,11 +360,11 @@ class DividedField:
 
     @property
     def columns(self) -> "tuple[DividedField, ...]":
-        """Fields with one value per vertex: the field itself, or a field for each of its two columns."""
+        """This field as fields with one value per vertex: a field for each column of x."""
         return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the values (m, p) of a field with one column, at the barycentric coordinates (p, 3) in each face."""
+        """Return the values (m, p) at barycentric coordinates (p, 3) in each face. x must have one value per vertex."""
         surface, parts = self.divided.whole, self.divided.cut_parts()
         values, inside = self.x[surface.F] @ points.T, np.full((surface.m, len(points)), -np.inf)
         part_coordinates = points @ np.linalg.inv(self.divided.corners(parts))  # barycentric, (k, p, 3)

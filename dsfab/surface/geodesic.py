@@ -21,7 +21,7 @@ SLACK = 1e-10  # Allowed rounding errors, divided by the compared lengths, areas
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Parts of edges that sources see, with coordinates in the plane of each source. The arrays hold k windows.
+    """Windows: the parts of edges that straight paths from a source reach, in the plane of unfolded faces. k windows.
     names  : (k, 5) the properties `edge` to `parallel`.
     values : (k, 7) the properties `at_a` to `offset`."""
 
@@ -32,17 +32,17 @@ class Windows:
     def from_columns(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
-        """Return windows from columns (k,) of `names`, ends A and B (k, 2), metres, and start, end and offset (k,)."""
+        """Return k windows. names : columns (k,) of `Windows.names`.    A, B : (k, 2) ends of the edges, metres."""
         return cls(np.stack(names, axis=1), np.stack([*A.T, *B.T, start, end, offset], axis=1))
 
     @property
     def edge(self) -> Ints:
-        """Edges (k,)."""
+        """Number (k,) of the edge that contains each window."""
         return self.names[:, 0]
 
     @property
     def face(self) -> Ints:
-        """Faces (k,) through which the source sees the edges; -1 without a face."""
+        """Number (k,) of the last face that paths cross before they reach the window; -1 without a face."""
         return self.names[:, 1]
 
     @property
@@ -62,12 +62,12 @@ class Windows:
 
     @property
     def at_a(self) -> Floats:
-        """Positions (k, 2) of the first vertices; sources are on the right of the direction from A to B."""
+        """Positions A (k, 2) of the edges' first vertices; sources are on the right of the direction from A to B."""
         return self.values[:, 0:2]
 
     @property
     def at_b(self) -> Floats:
-        """Positions (k, 2) of the second vertices."""
+        """Positions B (k, 2) of the edges' second vertices."""
         return self.values[:, 2:4]
 
     @property
@@ -82,7 +82,7 @@ class Windows:
 
     @property
     def offset(self) -> Floats:
-        """Metres (k,) added to the distance from the source."""
+        """Length (k,) of the path to each window's source, metres."""
         return self.values[:, 6]
 
     def select(self, which: Ints | Bools) -> "Windows":
@@ -99,7 +99,7 @@ class Windows:
         return np.asarray(self.at_a + t[:, None] * (self.at_b - self.at_a))
 
     def distance(self, P: Floats) -> Floats:
-        """Return the distances (k,) from the sources to positions P (k, 2)."""
+        """Return the lengths (k,) of the paths through each window's source to positions P (k, 2)."""
         return np.asarray(self.offset + np.where(self.parallel, P[:, 1], np.hypot(P[:, 0], P[:, 1])))
 
     def nearest(self) -> Floats:
@@ -111,7 +111,7 @@ class Windows:
         return self.distance(P + foot[:, None] * along)
 
     def rays(self, P: Floats) -> Floats:
-        """Return the directions (k, 2) of rays at positions P (k, 2)."""
+        """Return the directions (k, 2) of the paths from each window's source at positions P (k, 2)."""
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
@@ -200,8 +200,8 @@ class _Front:
     """Distances computed so far; see `Distances`.
     reached : (m,) faces that are partly within reach.
     bending : (n,) vertices at which paths may bend.
-    bent    : (n,) distance of each vertex when it last sent out rays.
-    waiting : vertices that still have to send out rays."""
+    bent    : (n,) distance of each vertex when it last became the source of windows.
+    waiting : vertices that still have to become sources of windows."""
 
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:
         self.F, self.edges, self.origins, self.reach = surface.F, surface.edges, origins, reach
@@ -213,7 +213,7 @@ class _Front:
         ab, bc, ca = (np.roll(self.size[self.edges.of], -k, axis=1) for k in range(3))
         along, high = (ab**2 + ca**2 - bc**2) / (2 * ab**2), 2 * surface.areas[:, None] / ab**2
         self.third = np.stack([along, high], axis=2).reshape(-1, 2)  # position of c if a is (0, 0) and b is (1, 0)
-        self.turn = np.arctan2(high, along).ravel()  # the angle of the face at a
+        self.turn = np.arctan2(high, along).ravel()  # the angle of the face at its corner a
         total = np.bincount(self.F.ravel(), self.turn, surface.n)
         full = np.full(surface.n, 2 * np.pi)
         full[self.edges.ends[self.edges.count != 2]] = np.pi

@@ -277,7 +277,7 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
     if len(opposed):
         note = "" if flips_to_orient(F, edges) is not None else "; the surface is not orientable"
         many = count_phrase(len(opposed), "edge", "have")
-        faults.append(f"{many} faces of opposite sides (first: {named_edges(opposed, edges)}){note}")
+        faults.append(f"{many} two faces of opposite orientation (first: {named_edges(opposed, edges)}){note}")
     if len(touching):
         places = count_phrase(len(touching), "vertex")
         faults.append(f"parts touch in a point at {places} (first: {first_few(touching)})")

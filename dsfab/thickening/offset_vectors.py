@@ -130,7 +130,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Return `point` (n, 3) as unit normals. If it lies behind a face, take `mean`, or else the normal of any face."""
+    """Return unit normals (n, 3) along `point`, or along `mean` if `point` is behind a face, or else of any face."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -158,9 +158,9 @@ SHIFT = {"mid": 0, "out": 1, "in": -1}  # Distance of the sheet's middle from th
 class Offsets:
     """Half-thickness vectors of a surface.
 
-    D        : (n, 3) half of the vector from the lower to the upper skin at each vertex, metres. Zero without faces.
+    D        : (n, 3) half of the vector from the lower to the upper skin at each vertex, metres; 0 if it has no faces.
     limited  : number of vertices where the surface bends too sharply for the thickness.
-    smallest : smallest remaining fraction of the thickness, at the vertex `tightest`; 1 without limited vertices.
+    smallest : least thickness divided by the wanted thickness, at vertex `tightest`; 1 if no vertex is limited.
     sides    : (m, 3) side of a face, 1 or -1, on which D lies at each corner (see `corner_sides`)."""
 
     D: Floats
@@ -244,7 +244,7 @@ def safe_shares(
 
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and limits (m, 3) of safe ones.
+    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and least safe values (m, 3).
     P : (m, 3, 3) corners of the faces.
     d : (m, 3, 3) half-thickness vectors at the corners, on the side of the faces' normals.
     Coefficient [k, v] belongs to Bernstein polynomial k of s and corner v. If all coefficients are positive, the prism

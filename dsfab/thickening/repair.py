@@ -1,4 +1,4 @@
-"""Repair of self-intersections: flattened folds, flipped diagonals, a thinner sheet, or a union of patches."""
+"""Repairs of a solid that intersects itself: smooth folds, flip wall diagonals, thin the sheet, or unite its parts."""
 
 from dataclasses import dataclass
 
@@ -39,7 +39,7 @@ def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
         V = np.where(to_move[:, None], (V + averages @ V) / 2, V)
         all_crossings, crossing = np.concatenate([all_crossings, crossing]), intersecting_pairs(V, surface.F)
     stuck = np.isin(fold, np.unique(fold[surface.F[crossing].ravel()])) & (fold >= 0) if len(all_crossings) else None
-    if stuck is not None and stuck.any() and (V != surface.V).any():  # undo the moves in folds that remain
+    if stuck is not None and stuck.any() and (V != surface.V).any():  # restore the vertices of folds that still cross
         V = np.where(stuck[:, None], surface.V, V)
         crossing = intersecting_pairs(V, surface.F)
     return UnfoldedSheet(V, crossing)
@@ -48,11 +48,11 @@ def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
 def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
-    """Remove the last intersections; return vertices V (n, 3), offsets D (n, 3) and the remaining pairs (k, 2).
-    The sheet becomes thinner at faces that meet, down to a film if necessary. An offset nearly parallel to a face
-    moves halfway to the mean of its neighbours, with its vertex. The result is the best state of all rounds."""
+    """Remove intersections that other repairs left; return vertices V (n, 3), offsets D (n, 3), and the remaining pairs
+    (k, 2). The sheet becomes thinner at faces that meet, down to a film if necessary. An offset nearly parallel to a
+    face moves halfway to the mean of its neighbours, with its vertex. The result is the state with the fewest pairs."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
-    least = 0.002 * np.linalg.norm(D, axis=1)  # single precision has visible errors at half of this length
+    least = 0.002 * np.linalg.norm(D, axis=1)  # shortest offset; with half of it, rounding errors would be visible
     result = V, D, pairs
     for _ in range(60):
         if not len(pairs):
@@ -72,7 +72,7 @@ def flatten_contacts(
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
-    """Return the smallest cosine (n,) between each offset and the faces around its vertex, on the faces' sides."""
+    """Return the smallest cosine (n,) between each offset and the face normals around it, flipped to its side."""
     side = np.where(skin.upper < surface.n, 1, -1)
     unit = D / np.linalg.norm(D, axis=1, keepdims=True)
     cosine = np.einsum("mi,mvi->mv", surface.normals, unit[surface.F]) * side
@@ -120,7 +120,7 @@ class RepairedSkin:
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
     If the sheet crosses itself, dsfab cuts it into patches and unites their solids.
-    among : mask of the skin's faces that may intersect, however walls are divided; by default all faces."""
+    among : mask of the skin's faces that may intersect for some diagonals of the walls; by default all faces."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
@@ -173,7 +173,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
-    """Shorten offsets around the pairs until no pair remains or no more is permitted; return the best state.
+    """Shorten offsets at pairs of intersecting faces, at most to `THINNEST`; return the state with the fewest pairs.
     free : (n,) marks of vertices whose offsets may be shortened."""
     if not len(pairs):
         return D, pairs

@@ -1,7 +1,7 @@
 """Exact test for triangles of a mesh that meet outside their shared vertices and edges.
 
-libigl decides with exact predicates for triangles without a common vertex [Shewchuk 1997]. This module decides for
-neighbours, because libigl uses tolerances in absolute units there."""
+libigl tests triangles without a common vertex with exact predicates [Shewchuk 1997]. This module tests triangles with a
+common vertex, because libigl uses tolerances in absolute units for them."""
 
 import igl.predicates
 import numpy as np
@@ -55,7 +55,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
     corner = sorted_order(s)
     around = s[corner]
     position, hits = np.arange(len(corner)), []
-    for distance in range(1, len(corner)):  # up to the largest number of faces at a vertex
+    for distance in range(1, len(corner)):  # stops at the largest number of faces at a vertex
         position = position[position + distance < len(corner)]
         position = position[around[position] == around[position + distance]]
         if not len(position):
@@ -105,7 +105,7 @@ def _stabs(p: Floats, q: Floats, triangle: tuple[Floats, Floats, Floats]) -> Boo
 
 
 def _angles_overlap(S: Floats, A: Floats, B: Floats, C: Floats, D: Floats) -> Bools:
-    """Return True if the angles a s b and c s d in one plane share more than the point s."""
+    """Return True where two angles with vertex S in one plane overlap: from A to B, and from C to D."""
     axis = np.abs(np.cross(A - S, B - S)).argmax(axis=1)
     first_turned, second_turned = _turn(axis, S, A, B) < 0, _turn(axis, S, C, D) < 0
     A, B = np.where(first_turned[:, None], B, A), np.where(first_turned[:, None], A, B)
@@ -141,7 +141,7 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
     """Return the exact sign of the area of triangles (k,), projected along a coordinate axis.
-    It is the sign of a tetrahedron over the projected triangle, with its tip at unit height on the axis."""
+    This is the sign of the volume of a tetrahedron: its base is the projected triangle, its tip is at 1 on the axis."""
     keep = 1.0 - np.eye(3)[axis]
     return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])
 

@@ -18,7 +18,7 @@ def round_to_single(V: Floats) -> Floats:
 
 
 def is_fine(V: Floats, D: Floats) -> bool:
-    """Return True if rounding moves coordinates as large as V (n, 3) by less than 1e-3 of the median |D| (n, 3)."""
+    """Return True if rounding to single precision moves V (n, 3) by less than 1e-3 of the median |D| (n, 3)."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
     return bool(step <= 1e-3 * np.median(np.linalg.norm(D, axis=1)))
 
@@ -57,10 +57,10 @@ def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, In
 class Skin:
     """Connectivity of the solid around a sheet of n vertices; the sheet lies to the left of every rim edge p -> q.
 
-    Vertex i has copy i on the upper side of the first face around it, and copy n + i on the back.
-    upper  : (m, 3) copies of the corners on the side of each face.
-    lower  : (m, 3) copies of the corners on the back of each face.
-    p, q   : (2, r) copies of the ends of the boundary edges, on the side of their face and on its back.
+    Vertex i has copy i on the upper side of the first face around it, and copy n + i on the opposite side.
+    upper  : (m, 3) copies of each face's corners on the side of the face's normal.
+    lower  : (m, 3) copies of each face's corners on the opposite side.
+    p, q   : (2, r) copies of the ends of the boundary edges: first on the side of the normal, then opposite.
     rim    : (r,) the faces of the boundary edges.
     shift  : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D.
     single : True if `round_to_single` rounds the vertices.
@@ -94,7 +94,7 @@ class Skin:
         return round_to_single(copies) if self.single else copies
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
-        """Return True for each wall (r,) whose diagonal p+ q- is shorter than q+ p-; False if both are nearly equal."""
+        """Return True for each wall (r,) whose backslash diagonal is clearly shorter than its slash (see `Skin`)."""
         P = self.vertices(V, D)
         back, slash = P[self.p[0]] - P[self.q[1]], P[self.q[0]] - P[self.p[1]]
         shorter: Bools = np.einsum("ri,ri->r", back, back) < (1 - 1e-9) * np.einsum("ri,ri->r", slash, slash)

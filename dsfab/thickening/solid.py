@@ -205,18 +205,18 @@ class Solid:
 def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | None = None) -> Solid:
     """Return the solid between the skins V + D and V - D of a sheet, closed by walls ruled along D on its boundary.
 
-    surface : an edge-manifold sheet without contacts in a point; it may be closed, one-sided, or in several pieces.
+    surface : an edge-manifold sheet without parts that touch only in a point; it may be closed, one-sided or in pieces.
     D       : (n, 3) half-thickness vectors from `offsets`, on the side of the first face around each vertex, metres.
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
     proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
 
-    An exact test finds intersections, with vertices rounded as in STL files (single precision, millimetres). It uses
-    exact vertices for flat sheets and far from the origin. The solid keeps exact vertices that also pass the test.
+    An exact test finds intersections. It rounds vertices as in STL files (single precision, millimetres), except in
+    flat sheets and in sheets far from the origin. If the vertices pass the test without rounding, the solid keeps them.
 
     Repair flips wall diagonals and thins the sheet locally, down to 0.3 of D. A sheet that crosses itself is divided,
     and the solids of its parts are united. `notes` and `repairs` report the changes and the remaining intersections.
 
-    Raises SolidError for other sheets, for missing vectors, and if manifold3d rejects the result."""
+    Raises SolidError if the sheet is not as above, if vectors are missing, or if manifold3d rejects the result."""
     check_edges(surface)
     check_contacts(surface)
     surface, D = _used_part(surface, D)
@@ -245,7 +245,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
 
 
 def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) -> Floats:
-    """Return the exact vertices of the repaired solid; the rounded ones if the exact ones cause more intersections."""
+    """Return the vertices of the repaired solid: exact, or rounded if rounded vertices give fewer intersections."""
     V = skin.vertices(repair.V, repair.D)
     if not skin.single:
         return V

@@ -15,7 +15,7 @@ from dsfab.surface.topology import adjacency, corner_fans, corners_of, edge_tabl
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
-INWARD = 0.005  # Move of vertices at seams and ends of patches, divided by the distance to their neighbours.
+INWARD = 0.005  # Share of the way to the mean of their neighbours that vertices at seams and patch borders move.
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class Overlap:
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Return one part for each colour of the faces (m,); a part extends over adjacent faces of higher colours.
-    clashes : (k, 2) pairs of faces of the sheet whose prisms meet; no part contains such a pair.
-    At a seam with a lower colour, a part of colour c is thinner by 2 % (1 + c / 2). Beside the seam, it is thinner by
-    half of this amount."""
+    clashes : (k, 2) pairs of faces of the sheet whose thickened solids meet; no part contains such a pair.
+    Where a part of colour c borders a lower colour, it is thinner by 2 % (1 + c / 2). Beside this border, it is thinner
+    by half of this amount."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -60,7 +60,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
 
 def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clashes: Ints) -> Bools:
-    """Return a mask (m,) of the faces of higher colours beside colour c whose prisms meet no prism of the part."""
+    """Return a mask (m,) of the faces of higher colours that touch colour c, without faces that clash."""
     extension = (colour > c) & own_vertices[surface.F].any(axis=1)
     part = extension | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
@@ -69,7 +69,7 @@ def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clas
 
 
 def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_vertices: Bools) -> Floats:
-    """Return all vertices (n, 3). Those `beyond` the patch are moved by 45 % along their shortest edge to it."""
+    """Return all vertices (n, 3), with vertices `beyond` a part moved 45 % along their shortest edge to the part."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
     used = beyond[i] & own_vertices[j]
     i, j = i[used], j[used]
@@ -81,7 +81,7 @@ def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_ver
 
 
 def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools, share: float) -> Floats:
-    """Move vertices `moves` of V (n, 3) by `share` of the way to the mean of their neighbours in `towards`."""
+    """Move the vertices of V (n, 3) marked `moves` by `share` of the way to the mean of neighbours marked `towards`."""
     count = neighbours @ towards.astype(float)
     rows = np.flatnonzero(moves & (count > 0))
     V = V.copy()
@@ -90,7 +90,7 @@ def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools
 
 
 THIN = 0.8  # Offsets at faces that meet are multiplied by this in each round.
-THINNEST = 0.3  # Smallest fraction of the input offset after thinning.
+THINNEST = 0.3  # Smallest fraction of an offset that thinning leaves.
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
     for round_ in range(30):
         inseparable = _stuck(meeting, around, label)
         clashes = np.unique(np.concatenate([clashes, np.sort(meeting[~inseparable], axis=1)]), axis=0)
-        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])  # the first round thins no vertex
+        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])  # round 0 makes no vertex thinner
         thin = thin[share[thin] > THINNEST]
         share[thin] = np.maximum(THIN * share[thin], THINNEST)
         cut = _cut_patches(label, clashes, graph)
@@ -175,7 +175,7 @@ def _touching(F: Ints) -> Bools:
 
 
 def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
-    """Return patches (m,) without clashing faces, by cuts halfway between these; None above `patch_limit` patches."""
+    """Cut patches (m,) halfway between clashing faces until no patch has a pair; None above `patch_limit` patches."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:
@@ -217,7 +217,7 @@ class PrismPart(NamedTuple):
 
 
 def prism_part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> PrismPart:
-    """Return the closed mesh of a part, with offsets `corners` (m, 3, 3), m. Patches at one vertex get copies of it."""
+    """Return the closed mesh of a part with offsets `corners` (m, 3, 3), m. Each fan of faces has its own vertices."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

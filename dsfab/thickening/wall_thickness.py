@@ -10,7 +10,7 @@ from dsfab.surface import edge_table, link_components
 from dsfab.thickening.solid import Solid
 
 INSIDE = 0.02  # Distance of a line's start from a face's corner, divided by the distance of the face's centre.
-OPPOSED = float(np.cos(np.radians(20)))  # Two faces form a wall up to an angle of 20 degrees, else an edge.
+OPPOSED = float(np.cos(np.radians(20)))  # Opposite faces form a wall if the angle between them is up to 20 degrees.
 LARGE = 1e6  # Size of the scaled mesh, because libigl's rays miss triangles with areas below 1e-6.
 FLAT = float(np.cos(1e-3))  # Least cosine of the angle between neighbours in one flat facet.
 
@@ -53,7 +53,7 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Return the row with the smallest `size` (k,) whose faces are on facets without a common point, or None."""
+        """Return the row with the smallest `size` (k,) whose two flat facets have no common point, or None."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break
@@ -93,7 +93,7 @@ def _normals(V: Floats, F: Ints) -> Floats:
 
 
 def _largest_faces(V: Floats, F: Ints) -> Ints:
-    """Return the largest face (n,) at each vertex, mostly a face of a skin; -1 without faces."""
+    """Return the face (n,) with the largest area at each vertex; -1 without faces."""
     area = np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1)
     order = np.argsort(area, kind="stable")
     largest = np.full(len(V), -1)

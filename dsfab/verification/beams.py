@@ -26,8 +26,8 @@ def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectang
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """Return offsets (k,), along the beam, of the upper ends of mesh lines at stations (k,) from 0 to 6.
-    Lines of trapezoids lean to alternate sides, lines of parallelograms to one side. Both end lines are upright."""
+    """Return how far mesh lines lean: offsets (k,) of their upper ends along the beam, at positions (k,) from 0 to 6.
+    In trapezoids the lines lean to alternate sides, in parallelograms to one side. Both end lines are upright."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
         lines[1::2] = -1.0
@@ -93,8 +93,8 @@ Venant]. Theories of thin sheets lack the shear across the thickness that causes
 IN_TORSION = 0.9899  # Fraction of torsion in the strain energy of the hook as a curved beam.
 
 STRIP = (
-    "curved beam theory with a thin strip's torsion constant b t^3 / 3 (MacNeal and Harder's 0.5022 is for the true "
-    "section, twice as wide as thick, which no theory of thin sheets has); unit load on the whole end"
+    "curved beam theory with the torsion constant b t^3 / 3 of a thin strip, unit load on the whole end (MacNeal and "
+    "Harder's 0.5022 is for a section twice as wide as thick, which thin-sheet theories cannot represent)"
 )
 
 
@@ -116,7 +116,7 @@ def _curved_plane() -> float:
 
 
 HARDER = "MacNeal and Harder 1985, unit load on the whole end"
-RING = f"{HARDER} (plane stress in closed form {_curved_plane():.5f}, Golovin 1881, 1.4 % more)"
+RING = f"{HARDER} (the closed form of plane stress, Golovin 1881, gives {_curved_plane():.5f}, which is 1.4 % more)"
 THIN = "Simo, Fox and Rifai 1989, thickness 0.0032, load of 1e-6 on the whole end"
 
 
@@ -131,7 +131,7 @@ def _straight_beams() -> Iterator[Test]:
             bent = "in its plane" if name == "in_plane" else "across its plane"
             problem = partial(straight_beam, force=force, shape=shape)
             yield Test(
-                f"straight_beam_{name}{suffix}", reference, HARDER, f"{about}, bent {bent}: move of the tip", problem,
+                f"straight_beam_{name}{suffix}", reference, HARDER, f"{about}, bent {bent}: tip displacement", problem,
                 CELLS, PATTERNS, targets={1: target},
             )  # fmt: skip
 
@@ -141,7 +141,7 @@ def _curved_beams() -> Iterator[Test]:
         ("in_plane", IN_PLANE, 0.08734, RING, _curved_plane()),
         ("out_of_plane", ACROSS, _curved_strip(), STRIP, None),
     ):
-        about = f"quarter ring, flat, bent {name.replace('_', ' ')}: move of the tip"
+        about = f"quarter ring, flat, bent {name.replace('_', ' ')}: displacement of the tip"
         problem = partial(curved_beam, force=force)
         yield Test(
             f"curved_beam_{name}", reference, source, about, problem, CELLS, PATTERNS, targets={1: 0.015}, limit=limit
@@ -188,7 +188,7 @@ def _hooks() -> Iterator[Test]:
         (1, 2, 4, 8),
         PATTERNS,
         limit=HOOK * (1 - EDGES_OF_STRIP * IN_TORSION),
-        beyond="a strip ten thicknesses wide twists 6 % more than thin sheets do: shear across it along its edges",
+        beyond="a strip ten thicknesses wide twists 6 % more than a thin sheet: its edges shear through the thickness",
     )
 
 

@@ -10,10 +10,10 @@ from dsfab.surface import Surface
 from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_directions, is_at, square
 
 CONCRETE = Material(33e9, 0.2, 2500.0)
-THICKNESS = 0.05  # Metres, an eightieth of the radius.
+THICKNESS = 0.05  # Metres, 1/80 of the vault's radius.
 RADIUS, LENGTH, OPENING = 4.0, 4.0, np.pi / 2  # Radius and length in metres, and angle of the vault.
 GRAVITY = np.array([0.0, 0.0, -9.81])
-COARSE = 12  # Cells around the vault before the cut; finer meshes divide the cut mesh.
+COARSE = 12  # Number of cells along the vault's arc before the ribs are cut; finer meshes divide the cut mesh.
 
 
 def vault(cells: int) -> Surface:
@@ -72,7 +72,7 @@ TESTS = [
         # joules, from .53056, .54628 and .55127 with 816, 3 264 and 13 056 wedges
         0.5536,
         "quadratic wedges by CalculiX 2.20, three meshes, extrapolated; whole vault",
-        "vault cut into ribs, built in, under its own weight: compliance beside that of a solid",
+        "vault cut into ribs, built in, under its own weight: compliance, compared with a solid model",
         cut_vault,
         cells=(COARSE, 2 * COARSE, 4 * COARSE),
         quantity="compliance",

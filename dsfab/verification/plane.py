@@ -109,7 +109,7 @@ def quarter(
     """Return a quarter of a sheet with a hole: u = 0 lies on the x axis, u = 1 on the y axis, v = 0 on the hole.
 
     stress : (x, y) -> (..., 2, 2) stress, Pa, whose tractions act on the outer edge v = 1.
-    target : (u, component) of the value, a stress at the edge of the hole."""
+    target : (u, component): the problem's value is this stress component at the edge of the hole, at this u."""
     end, component = target
     surface = Surface(V, F)
     outer = edges_on(surface, is_at(uv[:, 1], 1.0))

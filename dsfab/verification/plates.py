@@ -158,7 +158,7 @@ TESTS = [
     square_plate(
         "plate_frequency",
         2 * np.pi**2,
-        "closed form, 2 pi^2; whole plate",
+        "closed form of the frequency, 2 pi^2; model: the whole plate",
         "square plate on simple supports: its lowest frequency",
         shaken_plate,
         quantity="frequency",

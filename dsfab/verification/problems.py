@@ -55,7 +55,7 @@ def is_at(values: Floats, position: float) -> Bools:
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
-    """Return a mask (e,) of the boundary edges with both ends on the same line. lines : masks (n,) of vertices."""
+    """Return a mask (e,) of the boundary edges with both ends on one line. lines : masks (n,) of their vertices."""
     is_on_line = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
     return np.asarray(is_on_line & surface.edges.boundary)
 
@@ -165,7 +165,7 @@ class Problem:
         return int((~fixed).sum() + 2 * self.surface.n - turning.sum() - built_in.sum())
 
     def solve(self, elements: Elements) -> float:
-        """Return the value by these elements. Raises StaticsError."""
+        """Return the value of the problem, calculated with these elements. Raises StaticsError."""
         if self.modes:
             return self.modes(elements)
         clamped = self.clamped if self.clamped.any() else None
@@ -186,7 +186,7 @@ class Test:
     targets   : largest allowed relative error of the elements for displacements, by number of cells.
     limit     : value to which thin sheets converge, if it is not `reference`; targets refer to it.
     quantity  : kind of value, which decides the tolerance.
-    beyond    : effect in the reference that thin sheets lack, in words; then the value must meet `limit`.
+    beyond    : words for an effect that thin sheets cannot show; if not empty, the value must agree with `limit`.
     outside   : (cells, mesh) -> unknowns and value by another program; None without this program."""
 
     __test__ = False  # pytest would collect a class with this name
@@ -207,7 +207,7 @@ class Test:
 
     @property
     def tolerance(self) -> float:
-        """Accepted relative error on the finest mesh, for the pairs of elements that dsfab reports."""
+        """Accepted relative error on the finest mesh, for the membrane and bending elements that dsfab reports."""
         return tolerance_of(self.quantity) if self.within is None else self.within
 
 
@@ -221,7 +221,7 @@ def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
 
 
 def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Floats:
-    """Return forces (n, 3) in newtons from pairs of a vertex mask (n,) and the force on its first vertex."""
+    """Return forces (n, 3), newtons. Each of `forces` is a mask (n,) and the force on the first marked vertex."""
     force = np.zeros((n, 3))
     for where, newtons in forces:
         force[np.flatnonzero(where)[0]] += newtons
@@ -229,7 +229,7 @@ def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Fl
 
 
 def mean_move(where: Bools, direction: tuple[float, float, float]) -> Callable[[Equilibrium], float]:
-    """Return a function of an answer: the mean displacement (m) of marked vertices (n,) along a direction."""
+    """Return a function of an `Equilibrium`: the mean displacement (m) of marked vertices (n,) along a direction."""
     return lambda answer: float((answer.u[where] @ np.array(direction)).mean())
 
 

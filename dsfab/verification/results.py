@@ -14,7 +14,7 @@ from dsfab.verification.problems import Mesh, Problem, Test
 
 @dataclass(frozen=True)
 class VerificationRow:
-    """Result of one test on one mesh with one pair of elements.
+    """Result of one test on one mesh with one choice of membrane and bending elements.
 
     unknowns : number of free unknowns.
     ratio    : value / reference; `ratio` and `value` are None if the elements cannot clamp the edges of the test.
@@ -25,7 +25,7 @@ class VerificationRow:
                the test clamps edges, and hinges have no rotations. `refused`: the sheet is too thin for the solver.
     target   : largest allowed relative error on this mesh; None without a target.
     met      : True if the error is below the target.
-    limit    : reference of the target, if it is not `reference`; see `Test.limit`.
+    limit    : value from which the error for `target` is measured; None for `reference` (see `Test.limit`).
     of_limit : value / limit."""
 
     test: str
@@ -46,7 +46,7 @@ class VerificationRow:
 
 
 def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
-    """Return the results of one test for all its refinements, with one mesh pattern and one pair of elements."""
+    """Return the results of one test for all its refinements, with one mesh pattern and the given elements."""
     problems = [test.problem(cells, mesh) for cells in test.cells]
     if elements.bending == "hinge" and any(problem.needs_rotations for problem in problems):
         values: list[float | None] = [None] * len(problems)
@@ -57,11 +57,11 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
     return _rows(test, mesh, str(elements), [problem.unknowns(elements) for problem in problems], values, missing)
 
 
-OUTSIDE = "solid wedges (CalculiX)"  # Name of the other program, in place of a pair of elements.
+OUTSIDE = "solid wedges (CalculiX)"  # Name of CalculiX's elements in results.
 
 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
-    """Return the results of the test's other program for all refinements; empty without an installed program."""
+    """Return the results of the test by CalculiX for all refinements; empty if CalculiX is not installed."""
     results = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
     solved = [result for result in results if result is not None]
     return _rows(test, mesh, OUTSIDE, [count for count, _ in solved], [value for _, value in solved])
@@ -86,7 +86,7 @@ def _rows(
 
 
 def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
-    """Return the rows that are refused, or off on the finest mesh, for the pairs of elements that dsfab reports."""
+    """Return the rows with the verdict `off` or `refused`; only rows of elements that dsfab reports."""
     gated = {str(pair) for pair in REPORTED}
     return [row for row in rows if row.elements in gated and row.verdict in ("off", "refused")]
 
@@ -143,8 +143,8 @@ class Published:
     """One published value, divided by the reference of its source.
 
     cells    : number of cells of this test's mesh; None if the source has only a `note`, such as "coarse mesh".
-    unknowns : number of unknowns of the source's mesh; None if the test's mesh has as many. With a number, `cells`
-               belongs to the next coarser mesh of the test."""
+    unknowns : number of unknowns of the source's mesh; None if the test's mesh has as many. If it is not None, `cells`
+               is that of the test's next coarser mesh."""
 
     test: str
     element: str
@@ -189,7 +189,7 @@ Ratios = dict[str, tuple[float, ...]]
 SHAPES = ("", "_parallelograms", "_trapezoids")
 
 STRAIGHT_BEAMS: tuple[tuple[Publication, str, tuple[float, ...], tuple[float, ...]], ...] = (
-    # ratios on three shapes of cells, for loads in the plane, and for loads normal to the plane
+    # displacement / reference on rectangles, parallelograms and trapezoids: loads in the plane, then normal loads
     (STRAIGHT, "OptiStruct TRI3", (0.032, 0.012, 0.019), (0.973, 0.955, 0.965)),
     (STRAIGHT, "OptiStruct QUAD4", (0.992, 0.712, 0.173), (0.981, 0.981, 0.964)),
     (STRAIGHT, "OptiStruct TRI6", (0.994, 0.962, 0.972), (1.001, 0.995, 0.999)),
@@ -274,8 +274,8 @@ class Standing:
     unknowns : number in the published mesh; None if unknown.
     ours     : largest relative error of dsfab's pair on all regular patterns, on this mesh and finer meshes; None
                without a comparable mesh.
-    basis    : `unknowns`: our error is interpolated to as many unknowns, or belongs to our finest mesh. `cells`: our
-               error belongs to the same cells, because all our meshes have more unknowns.
+    basis    : `unknowns`: `ours` is interpolated to the published number of unknowns, or is that of dsfab's finest
+               mesh. `cells`: `ours` is for the published number of cells, because dsfab's meshes have more unknowns.
     outcome  : result of the comparison: our error is better than, like, or worse than the published error."""
 
     published: Published
@@ -308,7 +308,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return a line for each test that the paper's elements fail, with published results of such elements."""
+    """Return a line for each test that the paper's elements fail, and published results of constant-strain elements."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]

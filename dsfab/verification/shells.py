@@ -38,7 +38,7 @@ def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
 
 def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter of a hemisphere with a hole of 18 degrees: radius 10, 0.04 thick.
-    Forces of 2 act inwards and outwards at the rim; the quarter carries half of two of these forces."""
+    Forces of 2 act inwards and outwards at the rim. Two of them are on the quarter's border, each with its half."""
     uv, F = square(cells, cells, mesh)
     turn, polar = np.pi / 2 * uv[:, 0], np.radians(18 + 72 * uv[:, 1])
     V = 10 * np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
@@ -111,18 +111,18 @@ TESTS = [
     fine_shell(
         "scordelis_lo",
         0.3024,
-        "MacNeal and Harder 1985 (exact thin shell 0.30059, Kiendl et al. 2009); whole roof",
+        "MacNeal and Harder 1985 (exact thin shell 0.30059, Kiendl et al. 2009); model: the whole roof",
         "barrel vault on stiff end walls under its own weight: sag of the middle of its free edge",
         scordelis_lo,
         targets={8: 0.015, 16: 0.008},
         # 0.3024 lies between 0.3086 (shallow shell, Scordelis and Lo 1964) and results of elements in 1985.
-        # deep Kirchhoff-Love shells [Kiendl, Bletzinger, Linhard and Wuechner 2009, CMAME 198, 3902-3914]
+        # The limit is for Kirchhoff-Love shells [Kiendl, Bletzinger, Linhard and Wuechner 2009, CMAME 198, 3902-3914].
         limit=0.300592,
     ),
     fine_shell(
         "pinched_cylinder",
         164.24 / (3e6 * 3),
-        "Lindberg, Olson and Cowper 1969, 164.24 P / (E h), often cut to 1.8248e-5; eighth, a quarter of the force",
+        "Lindberg, Olson and Cowper 1969, 164.24 P / (E h), often given as 1.8248e-5; model: 1/8 tube, 1/4 of a force",
         "tube between stiff end walls, pinched by two forces: how far they move",
         pinched_cylinder,
         targets={16: 0.04, 32: 0.015},
@@ -130,7 +130,7 @@ TESTS = [
     fine_shell(
         "holed_hemisphere",
         0.0940,
-        "MacNeal and Harder 1985, 18 degree hole (all pairs here converge to 0.0935); quarter, half of each force",
+        "MacNeal and Harder 1985, 18 degree hole (dsfab converges to 0.0935); model: 1/4 hemisphere, 1/2 of each force",
         "hemisphere with a hole at its pole, pulled and pushed at its rim: how far the forces move",
         holed_hemisphere,
         targets={16: 0.005},
@@ -139,7 +139,7 @@ TESTS = [
     Test(
         "closed_hemisphere",
         0.185,
-        "NAFEMS LE3, 1990; quarter, half of each force",
+        "NAFEMS LE3, 1990; model: a quarter of the hemisphere, half of each force",
         "hemisphere held at its pole, pulled and pushed at its rim: how far the forces move",
         closed_hemisphere,
         meshes=("diagonal",),

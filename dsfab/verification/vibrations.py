@@ -20,7 +20,7 @@ NAFEMS R0015], as Altair OptiStruct's verification problem OS-V 0430 lists them.
 The source is a Ritz method with few terms [Barton 1951]; elements converge to values .5 to 1 % lower."""
 
 MEMBRANE_HERTZ = (44.623, 130.03, 162.70, 246.05, 379.90, 391.44)
-"""Frequencies of FV32 in the same report, as ENERCALC 3D's verification problem F-03 lists them."""
+"""Frequencies of FV32 [NAFEMS R0015], as ENERCALC 3D's verification problem F-03 lists them."""
 
 
 def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
@@ -119,7 +119,7 @@ TESTS = [
     Test(
         "axial_cylinder",
         float(CLASSICAL),
-        "classical theory, 1 / sqrt(3 (1 - nu^2)); quarter of a tube half a wave long",
+        "classical theory, 1 / sqrt(3 (1 - nu^2)); model: 1/4 of a tube, whose length is half of a buckling wave",
         "tube pressed along its axis: the load at which it buckles",
         axial_cylinder,
         cells=(16, 32, 64),

@@ -1,4 +1,4 @@
-"""Built members as bodies in space: refolded strips, bars and planks."""
+"""Bodies of built members in space: strips and planks, bent from their flat parts, and straight bars."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -45,7 +45,7 @@ class RefoldedPlan:
 
 @lru_cache(maxsize=2)
 def refolded_plan(plan: WorkshopPlan) -> RefoldedPlan:
-    """Return the strips or planks of a full-size plan in space, without flat sheets and plates."""
+    """Return the strips or planks of a plan, bent to their shape in space; none for a model or a flat sheet."""
     graph, layering = plan.graph, plan.layering
     if plan.planks and graph:
         return _refolded_planks(plan.planks, graph)
@@ -116,7 +116,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
     left_start = int((y > y.max() / 2).argmax())
     right_edge, left_edge = (places[:left_start], y[:left_start]), (places[left_start:][::-1], y[left_start:][::-1])
     chains = [_with_ends(right_edge, left_edge), _with_ends(left_edge, right_edge)]
-    # slot sides slope slightly, so that the plank has one depth at each place
+    # move equal positions apart, so that interpolation finds one depth at the upright side of a slot
     steps = [np.maximum.accumulate(x) + 1e-7 * np.arange(len(x)) for x, _ in chains]
     every = np.unique(np.concatenate([*steps, along]))
     sides = [np.interp(every, x, side) for x, (_, side) in zip(steps, chains, strict=True)]
@@ -131,7 +131,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
 
 
 def _with_ends(edge: tuple[Floats, Floats], opposite: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return an edge (arc lengths, distances to the left), extended at oblique cuts to the opposite edge's ends."""
+    """Return an edge (arc lengths, distances to the left), extended where oblique cuts make `opposite` longer."""
     (places, y), (opposite_places, z) = edge, opposite
     before, after = int(opposite_places[0] < places[0]), len(z) - int(opposite_places[-1] > places[-1])
     lengths = np.concatenate([opposite_places[:before], places, opposite_places[after:]])

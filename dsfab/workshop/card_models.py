@@ -53,15 +53,15 @@ def _scaled_member(member: Member, scale: float) -> Member:
 
 
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
-    """Return notes on bends, narrow members and a coarse mesh of a graph at model size. bolt : diameter of the pins
-    (m)."""
+    """Return notes on bends, narrow members and a coarse mesh of a card model at 1 : scale.
+    graph : members at the size of the model. bolt : diameter of the pins (m)."""
     notes = []
     card = f"card of {length(limits.thickness)}"
     bending_text = f"{card} bends to a strain of {limits.bending:.2%} ({limits.member} most)"
     thinner = np.floor(1e4 * limits.thickest) / 1e4 if limits.bending else 0.0
     if limits.bending > CREASE_STRAIN:
         notes.append(
-            f"NOT WITHOUT CREASES: {bending_text}, and greyboard creases at about {CREASE_STRAIN:.0%}: set "
+            f"NOT SMOOTH: {bending_text}, and greyboard creases at about {CREASE_STRAIN:.0%}: set "
             f"--thickness to {MM_PER_M * thinner:g}mm or less, or build a larger model"
         )
     else:
@@ -128,8 +128,10 @@ class PanelParts:
 
     @property
     def lines(self) -> list[str]:
-        """Sentences on the panels."""
-        sentences = [f"{len(self.parts)} panels in one skin with {self.tabs} tabs: edges are continuous, then family A"]
+        """Sentences for the builder about the panels."""
+        sentences = [
+            f"{len(self.parts)} panels in one skin with {self.tabs} tabs: at crossings, edges or else family A continue"
+        ]
         if self.sharp:
             nodes = names_and_count(self.sharp)
             sentences.append(f"members meet at under 25 degrees at {nodes}: glue one of the two members on the other")
@@ -140,11 +142,11 @@ class PanelParts:
 
 @dataclass(frozen=True, eq=False)
 class _CrossingEdge:
-    """Member that crosses a course at the node `name`.
-    s    : arc length of the crossing, metres.
-    way  : (2,) unit direction of the member.
-    half : half width of the member, metres.
-    over : True if the crossing member is the continuous one."""
+    """Member that crosses another member at the node `name`.
+    s    : arc length of the crossing on the axis of the crossed member, metres.
+    way  : (2,) unit direction of the crossing member, along and to the left of the crossed member.
+    half : half width of the crossing member, metres.
+    over : True if the crossing member is continuous, so that the crossed member is cut."""
 
     name: str
     s: float
@@ -156,7 +158,7 @@ class _CrossingEdge:
         lock(self, "way", np.float64, (2,))
 
     def stations(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) of places y (q,) metres beside the axis, `away` metres from the crossing axis."""
+        """Return arc lengths (q,) of points y (q,) metres left of the axis and `away` metres from the crossing axis."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 

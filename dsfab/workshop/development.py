@@ -65,7 +65,7 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def repeated_stations(self, s: Floats) -> Floats:
-        """Return the arc lengths s (q,); on a closed course (3 q,), also the arc lengths one round before and after."""
+        """Return arc lengths s (q,); for a closed axis (3 q,): s minus its length, s, and s plus its length."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
@@ -74,17 +74,17 @@ class StripCourse:
         return np.asarray(np.interp(s, self.s, self.left + self.right))
 
     def wrapped_station(self, s: float) -> float:
-        """Return `s`; on a closed course, the arc length of the same place between `begin` and `end`."""
+        """Return `s`; for a closed axis, move s by whole rounds until it lies between `begin` and `end`."""
         if not self.closed:
             return s
         return self.begin + float(np.mod(s - self.begin, self.end - self.begin))
 
 
 def member_course(graph: MemberGraph, member: Member, overhang: float, extra_length: float) -> StripCourse:
-    """Return the course of a member with an axis.
+    """Return the course (stations along the axis, and edges) of a member with an axis.
     overhang     : least length beyond the first node and beyond the last node, metres.
     extra_length : length of stations beyond the built part, metres.
-    A closed course begins in the middle of its longest bay. A course that curls up at an end stops before the curl."""
+    A closed course begins in the middle of its longest bay. A course stops before a sharp bend at its end."""
     axis = member.curve
     left_edge, right_edge = smooth_edge_distances(axis, member.sides)
     node_places = np.array([node.at[node.members.index(member.id)] for node in graph.nodes_along[member.id]])
@@ -104,12 +104,12 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
 
 
 def turns_within_its_width(member: Member) -> Bools:
-    """Return a mask (k,) of the stations at which the axis's radius in the surface is about half the width or less."""
+    """Return a mask (k,) of stations where the axis curves in the surface with a radius under about half the width."""
     return np.asarray(np.abs(member.curve.kg) * member.width / 2 >= 0.9)
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the span of a member, arc lengths, without curled ends, which remain where a sharp bend was divided."""
+    """Return the span (arc lengths) of a member without its curled ends. Dividing a sharp bend leaves curled ends."""
     axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:
@@ -127,7 +127,7 @@ def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floa
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
-    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # four widths, in stations
+    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # stations over 4 widths
     mode: Literal["wrap", "nearest"] = "wrap" if axis.closed else "nearest"
     calm = median_filter(sides, size=(2 * round(reach / 2) + 1, 1), mode=mode)
     calm = gaussian_filter1d(calm, max(reach, 0.5), axis=0, mode=mode)
@@ -185,21 +185,21 @@ CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its ar
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """Plane development of a course at a height h along its normals (m).
-    The development x (k, 2) begins at the origin along +x; k counts the stations of the course."""
+    """Strip at a height h (m) along the normals of a course (stations on a member's axis), developed into the plane.
+    The flat middle line x (k, 2) begins at the origin along +x; k is the number of stations."""
 
     course: StripCourse
     height: float
 
     @cached_property
     def length_ratio(self) -> Floats:
-        """Length ratio ds_h / ds (k,)."""
+        """Length ds_h of the strip's middle line at height h, per length ds of the member's axis (k,)."""
         c, h = self.course, self.height
         return np.asarray(np.hypot(1 - h * c.kn, h * c.tg))
 
     @cached_property
     def turn(self) -> Floats:
-        """Angle phi (k,) between the layer's line and the axis (radians)."""
+        """Angle phi (k,) from the member's axis to the strip's middle line at height h (radians)."""
         c, h = self.course, self.height
         return np.asarray(np.arctan2(-h * c.tg, 1 - h * c.kn))
 
@@ -211,7 +211,7 @@ class Development:
 
     @cached_property
     def angle(self) -> Floats:
-        """Tangent angle (k,) of the developed line (radians): the integral of kg ds, plus the change of phi."""
+        """Tangent angle (k,) of the flat middle line (radians): integral of the axis's kg plus change of `turn`."""
         kg = self.course.kg
         bent = np.concatenate([[0.0], np.cumsum((kg[1:] + kg[:-1]) / 2 * np.diff(self.course.s))])
         return np.asarray(bent + self.turn - self.turn[0])
@@ -223,7 +223,7 @@ class Development:
         return np.concatenate([np.zeros((1, 2)), np.cumsum(arcs, axis=0)])
 
     def middle_line_at(self, s: Floats) -> tuple[Floats, Floats]:
-        """Return places (q, 2) and angles (q,) of the developed middle line at arc lengths s (q,) of the course."""
+        """Return points (q, 2) and angles (q,) of the flat middle line at arc lengths s (q,) of the member's axis."""
         s = np.atleast_1d(s)
         i = np.clip(np.searchsorted(self.course.s, s, side="right") - 1, 0, len(self.course.s) - 2)
         step = np.interp(s, self.course.s, self.length) - self.length[i]
@@ -231,7 +231,7 @@ class Development:
         return self.x[i] + _chords(step, self.angle[i], angle), angle
 
     def to_plane(self, s: Floats, y: Floats) -> Floats:
-        """Return places (q, 2) at y (q,) metres to the left of the middle line at arc lengths s (q,)."""
+        """Return the flat points (q, 2) that lie y (q,) metres left of the flat middle line at arc lengths s (q,)."""
         x, angle = self.middle_line_at(s)
         return np.asarray(x + np.asarray(y)[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
@@ -275,7 +275,7 @@ class Development:
         return float(np.abs(np.gradient(self.angle, self.length)).max(initial=1e-9))
 
     def _bend(self, s: float) -> float:
-        """Return kg_h ds_h / ds at an arc length (1/m)."""
+        """Return how much the flat middle line turns per length of the member's axis, at an arc length (1/m)."""
         i = int(np.clip(np.searchsorted(self.course.s, s, side="right") - 1, 0, len(self.course.s) - 2))
         return float((self.angle[i + 1] - self.angle[i]) / (self.course.s[i + 1] - self.course.s[i]))
 

@@ -27,7 +27,7 @@ from dsfab.workshop.parts import FlatPart, strokes
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.stock import stock_cost
 
-TITLE, SMALL_TITLE = 0.06, 0.06  # largest height of a sheet's title: in metres, and in sheet widths
+TITLE, SMALL_TITLE = 0.06, 0.06  # a sheet's title is at most TITLE metres high, and SMALL_TITLE times the sheet's width
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:
@@ -80,7 +80,7 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
         tall = min(TITLE, SMALL_TITLE * sheet.size[1])
         lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
         for nested in sheet.parts:
-            _ = nested.part.contours  # computed here once, because moved parts keep them
+            _ = nested.part.contours  # computes the contours once; moved copies of the part reuse them
             part = nested.placed_part.moved_by(0.0, origin)
             lines += part_lines(part)
             circles += part_circles(part)

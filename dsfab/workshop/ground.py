@@ -21,12 +21,12 @@ STEEP_SINE = np.sin(np.radians(25.0))  # smallest slope (sine) of a strip with a
 
 @dataclass(frozen=True, eq=False)
 class StripFoot:
-    """End of a layer on the base plate, by arc lengths of its course.
-    shoulders : (4,) arc lengths on the plate: right edge, right and left side of the tab, left edge.
-    sides     : (4,) distances of the shoulders to the left of the axis, metres.
+    """Foot of a strip: an end with a tab, on the base plate. Arc lengths are those of the strip's axis.
+    shoulders : (4,) arc lengths of points on the plate: right edge, right and left side of the tab, left edge.
+    sides     : (4,) distances of these points to the left of the axis, metres.
     tips      : (2,) arc lengths of the tab's end, right and left.
     slot      : (4, 2) corners of the foot's slot in the plate, metres.
-    at_end    : True if the foot is at the course's end."""
+    at_end    : True if the foot is at the end of the axis, False if at its beginning."""
 
     shoulders: Floats
     sides: Floats
@@ -45,8 +45,8 @@ class StripFoot:
 class BasePlane:
     """Upper face of the base plate of a model.
     point, up : (3,) point in the face, metres, and unit normal of the face.
-    supports  : (q, 3) supported places of the surface, metres.
-    reach     : largest distance of a foot from a support, metres.
+    supports  : (q, 3) vertices of the surface with a support, metres.
+    reach     : largest distance from a support to the end of a strip that stands on the plate, metres.
     clearance : gap between a tab and its slot, on each side, metres."""
 
     point: Floats
@@ -75,7 +75,7 @@ class BasePlane:
         return np.asarray((points - self.point) @ self.up)
 
     def plan_view(self, points: Floats) -> Floats:
-        """Return points (q, 3) as seen from above, (q, 2) metres; x points to the right if z or y points up."""
+        """Return points (q, 3) as seen from above, (q, 2) metres. x points to the right; `up` is the y or z axis."""
         right = np.array([1.0, 0.0, 0.0])
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
@@ -87,7 +87,7 @@ class BasePlane:
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
 
     def cut_course(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
-        """Return a layer's course that ends at the plate, and its feet at supports."""
+        """Return a strip's course, cut at the plate, and the strip's feet: its ends with tabs at supports."""
         if course.closed:
             return self._trim_course(course, height), ()
         layer, feet = Development(course, height), list[StripFoot]()
@@ -255,7 +255,7 @@ def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
 
 
 def base_notes(ground: BasePlane, feet: list[tuple[str, StripFoot]], plates: list[FlatPart]) -> list[str]:
-    """Return notes on the feet, on supports above the plate, and on a plate in pieces."""
+    """Return notes on the feet, on supports above the base plate, and on a base plate in several pieces."""
     names = {name for name, _ in feet}
     notes = [f"{len(feet)} feet of {len(names)} parts stand in slots of the base plate" if feet else NO_FEET_NOTE]
     highest = float(ground.heights(ground.supports).max())

@@ -23,12 +23,12 @@ BOLT_PITCH = 4.0  # distance between bolts of a splice, in bolt diameters
 
 @dataclass(frozen=True)
 class Layering:
-    """Layers of one thickness (m), counted against the surface normals; bolts of one diameter (m).
+    """Layers of strips of one thickness (m); layer 0 is the outermost along the surface normals. Bolts of one diameter.
 
     major  ═══════════════     0      numbers for two layers; with four layers both families alternate
     minor  ─┤ ├─── ┤ ├────     1
-    rim    ═══════════════     2      edges, and below them kept regions, both below the stripes
-                               4      plates, below all strips
+    rim    ═══════════════     2      strips along edges; below them, strips of kept regions
+                               4      plates (members that are not strips), below all strips
     families_below : families of `FAMILIES_BELOW` that have layers.
     letters        : largest heights of part names and of node names, metres.
     alike          : distance within which outlines may become equal, metres; 0 leaves all parts as they are."""
@@ -72,7 +72,7 @@ class Layering:
 
     @property
     def half_cover_length(self) -> float:
-        """Distance from a splice to the end of its cover plate (m): two bolts to each side."""
+        """Distance from a splice to each end of its cover plate (m), with room for two bolts along this distance."""
         return (END_DISTANCE + BOLT_PITCH + END_DISTANCE) * self.bolt
 
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
@@ -96,7 +96,7 @@ class _StripEnd:
     @classmethod
     def from_course(cls, name: str, course: StripCourse, at_end: bool) -> "_StripEnd":
         width = float(np.median(course.left + course.right))
-        count = max(int(6 * (course.end - course.begin) / width), 2)  # six places per width
+        count = max(int(6 * (course.end - course.begin) / width), 2)  # six points per width of the strip
         s = np.linspace(course.begin, course.end, count)
         s = s[::-1] if at_end else s
         return cls(name, at_end, width, course.frame_at(s)[0], s)
@@ -147,7 +147,7 @@ def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[
 
 
 def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
-    """Return the names of shortened courses whose length is less than their width (m); they are not built."""
+    """Return the names of members that are not built, because they would become shorter than their width (m)."""
     return {name for name, course in stopped.items() if course.end - course.begin < widths[name]}
 
 

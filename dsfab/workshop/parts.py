@@ -230,7 +230,7 @@ def _same_points(points_a: Floats, points_b: Floats) -> bool:
 
 
 def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[FlatPart]:
-    """Return parts along x; each takes the shape of the first earlier part that is nearly equal, and keeps its names.
+    """Return parts along x. A part that is nearly equal to an earlier part takes its shape, but keeps its own names.
     distance : largest distance between two outlines, metres.
     fit      : largest distance between matching holes, metres.
     Parts may be rotated by 180 degrees, but not mirrored, because their engraved face lies outside."""
@@ -267,7 +267,7 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
 
 
 def _outline_distance(P: Floats, Q: Floats) -> float:
-    """Return the largest distance (m) from a corner of either closed outline, (k, 2) or (l, 2), to the other one."""
+    """Return the largest distance (m) from a corner of one closed outline, (k, 2) or (l, 2), to the other outline."""
     return max(float(distances_from_outline(*pair).max()) for pair in ((P, Q), (Q, P)))
 
 

@@ -88,7 +88,7 @@ def construction_route(
 
 
 def design_footing(design: Design, up: Floats) -> Footing | None:
-    """Return the anchored supports of a design; None for models, or if the preset has no anchors."""
+    """Return the anchored supports of a design; None for a scale model, or if the preset has no anchors."""
     options = design.preset.workshop
     if options.model or not options.anchor:
         return None
@@ -112,7 +112,7 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
     slenderness = 1.5  # smallest ratio of an upright plank's depth to its thickness
     if depth < slenderness * thickness:
         raise PatternError(
-            f"planks {length(depth)} deep of boards {length(thickness)} thick do not stand upright: set "
+            f"a plank that is {length(depth)} deep and {length(thickness)} thick does not stand upright: set "
             f"workshop.thickness to {depth / slenderness:.2g} or less, or workshop.depth to "
             f"{slenderness * thickness:.2g} or more"
         )
@@ -133,13 +133,13 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
 
 
 def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
-    """Choose the first possible route: strips (if no limit forbids the bend), bars near the surface, planks, bars."""
+    """Choose the first possible route: strips within the bending limit, bars near the surface, planks, other bars."""
     worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
         reason = f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"
         return ConstructionRoute("strips", reason)
     if worst <= limits.limit:
-        return ConstructionRoute("strips", f"{layers_text} can be bent: to {worst:.2%}, of {limits.limit:.2%} allowed")
+        return ConstructionRoute("strips", f"{layers_text} can be bent: strain {worst:.2%}, allowed {limits.limit:.2%}")
     problem = (
         f"{layers_text} would be bent or stretched to {worst:.2%}, {worst / limits.limit:.1f} times the strain that "
         f"the material bears; the thickest strips that could be bent are {length(limits.thickest)}"
@@ -197,9 +197,9 @@ def node_normals(design: Design, graph: MemberGraph) -> Floats:
 
 JOINT_SENTENCES = {
     "butt": "cut straight and butted: no joint is drawn; for a joint, set workshop.splice to 'fingers' or 'scarf'",
-    "fingers": "with fingers {} long that close without a gap; a round cutter leaves its radius in their corners",
-    "scarf": "which overlap by {} and are glued there on a bevel: to the right and above on the engraved "
-    "face, from the engraved line to the edge, to the left and below on the back",
+    "fingers": "joined by fingers that are {} long and fit without a gap; a round cutter leaves round inner corners",
+    "scarf": "which overlap by {} and are glued there on bevels from the engraved line to the edge: on the engraved "
+    "face at the right and upper edges, on the back at the left and lower edges",
 }
 """Second half of the sentence on the pieces of a flat sheet, by their joint."""
 TAB_CLEARANCE = 1e-4  # gap between a tab and its slot in a model's base plate, on each side (m)
@@ -270,7 +270,7 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
 def _plan_for_stock(design: Design, up: Floats) -> WorkshopPlan:
     options, surface = design.preset.workshop, design.sheet.surface
     if options.route == "sheet" and not surface.is_flat:
-        raise PatternError("workshop.route = 'sheet' is for flat designs, but this is curved; use 'strips' or 'bars'")
+        raise PatternError("workshop.route = 'sheet' is for flat designs; the design is curved: use 'strips' or 'bars'")
     flat = options.route == "sheet" or (options.route == "auto" and surface.is_flat)
     if options.splice == "fingers" and not flat:
         raise PatternError("workshop.splice = 'fingers' is for flat sheets, not for members; use 'cover' or 'scarf'")
@@ -429,8 +429,8 @@ NEARLY_EQUAL = 5e-3  # distance of outlines of near-equal parts, if workshop.ali
 def _alike_notes(parts: list[FlatPart], alike: list[FlatPart], distance: float) -> list[str]:
     before, after = len(equal_part_groups(parts)), len(equal_part_groups(alike))
     if distance:
-        return [f"{_quantity(len(parts), 'part')} of {after} shapes, where workshop.alike = 0 has {before}"]
-    fewer = f"; workshop.alike = {NEARLY_EQUAL:g} makes them {after} or fewer" if after < before else ""
+        return [f"{_quantity(len(parts), 'part')} of {after} shapes; workshop.alike = 0 would give {before} shapes"]
+    fewer = f"; workshop.alike = {NEARLY_EQUAL:g} leaves {after} shapes or fewer" if after < before else ""
     return [f"{_quantity(len(parts), 'part')} of {_quantity(before, 'shape')}{fewer}"]
 
 
@@ -446,15 +446,15 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     notes = []
     if strips.shortened:
         notes.append(
-            f"{_quantity(len(strips.shortened), 'strip')} {stopping_clause(len(strips.shortened))} others of "
-            f"their layer or curl up: {names_and_count(strips.shortened)}; "
-            f"{_quantity(len(strips.missed_nodes), 'node')} without them"
+            f"{_quantity(len(strips.shortened), 'strip')} {stopping_clause(len(strips.shortened))} other strips "
+            f"of the same layer or curl up: {names_and_count(strips.shortened)}; "
+            f"these strips miss {_quantity(len(strips.missed_nodes), 'node')}"
         )
     if strips.vanished:
-        notes.append(f"NOT BUILT, because other strips of their layer are there: {names_and_count(strips.vanished)}")
+        notes.append(f"NOT BUILT, because other strips of the layer are in the way: {names_and_count(strips.vanished)}")
     if strips.splices_near_nodes:
         splices = f"{strips.splices_near_nodes} of {strips.splice_count} splices"
-        notes.append(f"{splices} are nearer to a node than a cover plate is long")
+        notes.append(f"{splices} are too close to a node: the cover plate or lap may overlap the crossing strip")
     if strips.missing_holes:
         holes = _quantity(len(strips.missing_holes), "hole")
         places = list(dict.fromkeys(strips.missing_holes))  # the bolts of a splice have a common name

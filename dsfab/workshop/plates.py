@@ -1,7 +1,7 @@
 """Flattened plates [Liu et al. 2008], and flat designs divided into pieces of the stock's size.
 
-fingers   ──┐  ┌──┐      fingers of two pieces alternate; a bit of a rib that fingers cut off
-            └──┘  └──    goes to the neighbouring piece
+fingers   ──┐  ┌──┐      fingers of two pieces alternate; if they cut a small bit off a rib,
+            └──┘  └──    this bit joins the neighbouring piece
 scarf     ────╲╲────     both pieces overlap at the joint"""
 
 from collections.abc import Container, Iterator, Sequence
@@ -128,7 +128,7 @@ class FlattenedMesh:
 
 FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length and approximate width of a finger, in sheet thicknesses
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Rounds in which small bits go to a neighbouring piece; bits are small below the area of this many fingers."""
+"""Rounds in which small bits join a neighbouring piece; small: under the area of `LEAST_FINGERS` fingers."""
 LINE_TOLERANCE = 1e-9  # largest distance between a mesh edge and its dividing line, in sheet sizes
 
 
@@ -141,7 +141,7 @@ class SheetJoint:
 
     @property
     def reach(self) -> float:
-        """Length along which two pieces overlap or alternate (m)."""
+        """Length of a joint (m): the length of the fingers, or the overlap of a scarf."""
         return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
@@ -167,13 +167,13 @@ class SheetParts:
 
 def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJoint = SheetJoint()) -> SheetParts:
     """Cut a flat sheet into as few rectangles as possible; each rectangle fits into one of `room` (m).
-    Disconnected pieces of a rectangle become separate parts; openings become slots. With fingers, the pieces together
-    are the sheet; with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with joints,
-    are too long."""
+    Disconnected pieces of a rectangle become separate parts; openings become slots. With fingers, the pieces do not
+    overlap; with a scarf, they overlap at the joints. Raises PatternError if joints, or pieces with joints, are too
+    long."""
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0
-    for _ in range(4):  # rectangles shrink, because bits of neighbours can enlarge a piece
+    for _ in range(4):  # try smaller rectangles, because a piece grows when a small bit of its neighbour joins it
         division = _rectangles(level, [(a - reduction, b - reduction) for a, b in room], joint)
         turned = [*room, *((b, a) for a, b in room)]
         excesses = ((p, min(float(max(p.size[0] - a, p.size[1] - b)) for a, b in turned)) for p in division.pieces)
@@ -235,7 +235,7 @@ class _SheetGrid:
         return np.asarray(numbers[0] * self.counts[1] + numbers[1])
 
     def inside(self, places: Floats, which: tuple[int, int], margin: float) -> Bools:
-        """Return a mask (m,) of the places (m, 3) in a rectangle, or at most `margin` metres beyond its joints."""
+        """Return a mask (m,) of the places (m, 3) in a rectangle, or up to `margin` metres beyond its joints."""
         is_inside = np.ones(len(places), dtype=bool)
         for axis in (0, 1):
             ends = np.concatenate([[-np.inf], self.joints(axis), [np.inf]])[which[axis] : which[axis] + 2]

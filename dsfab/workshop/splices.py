@@ -58,7 +58,7 @@ def splice_cuts(
         farthest = _farthest(start, end, fits)
         if farthest - start < clear:
             raise PatternError(
-                f"no piece of {name} that is long enough for a splice fits on the stock: give larger sheets in "
+                f"no piece of {name} fits on the stock and is long enough for a splice: give larger sheets in "
                 "workshop.stock, or narrower members"
             )
         farthest = min(farthest, max(end - 2 * clear, (start + end) / 2))
@@ -95,7 +95,7 @@ def _middle_of_bay(nodes: Floats, least: float, limit: float) -> float:
 def lapped_span(
     span: tuple[float, float], strip_span: tuple[float, float], lap: float, closed: bool
 ) -> tuple[float, float]:
-    """Return the span of a piece, longer by `lap` metres at its splices; the ends of the strip do not move."""
+    """Return the span of a piece, longer by `lap` metres at each splice; ends without a splice do not change."""
     begin = span[0] - lap if closed or span[0] > strip_span[0] else span[0]
     return begin, span[1] + lap if closed or span[1] < strip_span[1] else span[1]
 
@@ -103,8 +103,8 @@ def lapped_span(
 def scarf_line(splices: int, lap: float) -> str:
     """Return a sentence on a number of scarf joints with an overlap of `lap` metres."""
     return (
-        f"{splices} splices are glued: pieces overlap by {length(lap)} and are bevelled 1 to {SCARF_SLOPE:g}, on the "
-        "engraved face at BEVEL and on the back at BEVEL BACK"
+        f"{splices} splices are glued: pieces overlap by {length(lap)} and are bevelled 1 to {SCARF_SLOPE:g}; the text "
+        "BEVEL marks bevels of the engraved face, and BEVEL BACK marks bevels of the back"
     )
 
 

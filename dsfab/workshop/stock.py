@@ -31,7 +31,7 @@ def stock_cost(sheets: Sequence[NestedSheet]) -> float:
 
 
 def stock_words(sheets: Sequence[NestedSheet]) -> str:
-    """Return the sheets in words: "12 of 2.5 x 1.25 m at 45, 3 of 3 x 1.5 m at 62"; without prices sizes only."""
+    """Return the number, size and price per sheet: "12 of 2.5 x 1.25 m at 45"; leave out the price if it is 0."""
     count = Counter((sheet.size, sheet.price) for sheet in sheets)
     return ", ".join(
         f"{many} of {size_words(size)}" + (f" at {money(price)}" if price else "")
@@ -47,7 +47,7 @@ def price_notes(sheets: Sequence[NestedSheet], alternatives: Sequence[tuple[Work
     notes = [f"sheets cost {money(cost)} together: {stock_words(sheets)}"]
     for options, other_cost in alternatives:
         longest = max(options.stock)
-        notes.append(f"parts cut for sheets up to {size_words(longest)} would need sheets for {money(other_cost)}")
+        notes.append(f"stock with sheets up to {size_words(longest)} would cost {money(other_cost)} in total")
     return notes
 
 
@@ -73,7 +73,7 @@ def sheet_hints(
     stock : lengths and widths of the sheets, metres.
     gap   : distance between parts, metres.
     grain : as for `nest_parts`.
-    Large plans have no hints, because each number needs a slow trial nest."""
+    Large plans have no hints, because each hint needs a trial nesting, which would be slow."""
     if len(parts) * len(sheets) > 20_000:
         return []
     return [*_narrower_hint(parts, sheets, stock, gap, grain), *_larger_hint(parts, sheets, stock, gap, grain)]
@@ -116,7 +116,7 @@ def _narrower_hint(
         if trial is not None:
             how = f"{length(new_width)} wide instead of {length(width)}" if alike else f"{1 - share:.0%} narrower"
             saving = _saving_text(trial, sheets)
-            yield f"strips {how} would need {saving}; see [pattern.width], and judge the design again"
+            yield f"with strips {how}, the parts would need {saving}; see [pattern.width], and judge the design again"
             return
 
 

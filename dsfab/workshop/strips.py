@@ -18,7 +18,7 @@ from dsfab.workshop.splices import SCARF_SLOPE, Cuts, lap_marks, lapped_span, sp
 
 STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # kinds of members that are built as strips
 HOLE_EDGE_DISTANCE = 1.0  # least distance from a hole's middle to the edges of its part, in bolt diameters
-LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters below this height (m) may fill this fraction of a part's width
+LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters on narrow parts: height (m), and largest share of the width
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class StripParts:
 
 
 def is_strip(member: Member) -> bool:
-    """Return whether a member is a strip: its radius in the surface exceeds half its width, except at curled ends."""
+    """Return whether a member is a strip: it bends in the surface with a radius over half its width, except at ends."""
     if member.axis is None or member.kind not in STRIP_KINDS:
         return False
     begin, end = uncurled_span(member)
@@ -107,7 +107,7 @@ def _shortened_courses(
 
 
 def node_bolts(graph: MemberGraph, member: Member, course: StripCourse) -> list[StripBolt]:
-    """Return the bolts of the nodes on a member, in the order of its course."""
+    """Return the bolts of the nodes on a member, in the order of their arc lengths on its axis."""
     bolts = []
     for node in graph.nodes_along[member.id]:
         s = course.wrapped_station(node.at[node.members.index(member.id)])
@@ -242,8 +242,8 @@ def _is_clear(place: float, text_size: float, taken: list[tuple[float, float]], 
 
 
 def bending_strain(course: StripCourse, span: tuple[float, float], thickness: float) -> float:
-    """Return the largest strain t |kn| / 2 by bending of a layer of thickness t (m) that follows a course over `span`.
-    kn is the normal curvature of the course, in 1/m."""
+    """Return the largest bending strain t |kn| / 2 of a layer of thickness t (m) between the arc lengths of `span`.
+    kn is the normal curvature of the layer's axis, in 1/m."""
     inside = (course.s >= span[0]) & (course.s <= span[1])
     bend = np.abs(course.kn[inside]).max() if inside.any() else np.abs(np.interp(sum(span) / 2, course.s, course.kn))
     return float(thickness * bend / 2)
@@ -251,8 +251,8 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
 
 UNCERTAIN_WIDTHS = 1.5  # length of a member's end with uncertain curvature, in widths
 HOLE_FIT = 5e-4
-"""Largest error (m) of a length between holes. A hole may be a millimetre larger than its bolt [EN 1995-1-1, 10.4.3],
-and two parts meet at a bolt."""
+"""Largest error (m) of a length between holes. A hole may be a millimetre larger than its bolt [EN 1995-1-1, 10.4.3].
+Each of the two parts at a bolt may use half of this clearance."""
 LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports
 
 
@@ -288,12 +288,12 @@ class StripLimits:
             lines.append(f"{bending_text}; name a material or set statics.strength for a limit")
         elif self.bending > self.limit:
             lines.append(
-                f"NOT POSSIBLE: {bending_text}, {self.bending / self.limit:.1f} times the {self.limit:.2%} at which "
-                f"the strength is reached; the thickest layer that can be bent is {length(self.thickest)}: set "
+                f"NOT POSSIBLE: {bending_text}, {self.bending / self.limit:.1f} times the allowed {self.limit:.2%}; "
+                f"the thickest layer that can be bent is {length(self.thickest)}: set "
                 f"workshop.thickness to {np.floor(1e4 * self.thickest) / 1e4:g} or less"
             )
         else:
-            lines.append(f"{bending_text}, of {self.limit:.2%} allowed; up to {length(self.thickest)} could be bent")
+            lines.append(f"{bending_text}; allowed: {self.limit:.2%}; up to {length(self.thickest)} could be bent")
         if self.shape >= LEAST_STRAIN:
             lines.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
         if self.edge > self.wanted_edge * 1.05:
@@ -306,7 +306,7 @@ class StripLimits:
 
 
 def drilling_edge(graph: MemberGraph) -> float:
-    """Return the largest edge (m) of a mesh whose flat faces change the length of usual bays by at most `HOLE_FIT`.
+    """Return the largest edge (m) of a mesh with flat faces on which typical bays have the right length to `HOLE_FIT`.
     The result is infinite without bending. Edges e change a bay L with curvature k by at most about L (e k)^2 / 8."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
@@ -316,7 +316,8 @@ def drilling_edge(graph: MemberGraph) -> float:
 
 
 def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, edge: float) -> StripLimits:
-    """Return the limits of all strips of a graph on the uncut surface of its pattern.
+    """Return the largest strains of all strips of a graph, and their limits (`StripLimits`).
+    surface   : surface before the pattern was cut.
     thickness : thickness of the layers, metres.
     limit     : strain at the material's strength; 0 if unknown.
     edge      : edge of the mesh, metres."""

@@ -222,7 +222,7 @@ class Build(bpy.types.Operator):
             return {"CANCELLED"}
         count = show_result(folder / "built", source, self._metres)
         self._folder.cleanup()
-        self.report({"INFO"}, f"{source.name}: a solid, and {count} members in a collection with a closed eye")
+        self.report({"INFO"}, f"{source.name}: a solid, and {count} members in a hidden collection")
         return {"FINISHED"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:

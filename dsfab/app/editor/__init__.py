@@ -11,7 +11,7 @@ from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import print_result, signals_as_interrupts
 from dsfab.core.errors import DsfabError
 
-OUTPUTS = "outputs"  # Folder of builds in the current folder; `dsfab build` uses the same folder.
+OUTPUTS = "outputs"  # Folder of builds, inside the current folder. `dsfab build` also writes into this folder.
 
 
 def edit(
@@ -20,7 +20,7 @@ def edit(
     *,
     source: Source = UNCHANGED,
     port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free one.")] = 0,
-    open_: Annotated[bool, Parameter(name="--open", help="Open it in the browser.")] = True,
+    open_: Annotated[bool, Parameter(name="--open", help="Open the editor in the browser.")] = True,
 ) -> int:
     """Pull sliders and see the structure change, in your own browser; nothing leaves this machine.
 

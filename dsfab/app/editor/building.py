@@ -250,7 +250,7 @@ class Builds:
         if not count:
             return {}
         words = f"{self.outputs.label}/{name} holds {'1 file' if count == 1 else f'{count} files'} of before; "
-        text = words + "files of the same names, and what a build wrote there, would be replaced."
+        text = words + "a build would replace files of the same names, and files of an earlier build."
         return {"taken": text, "free": self.outputs.free_name(name)}
 
     def make(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:

@@ -22,9 +22,9 @@ class Control:
     log     : True for a logarithmic slider.
     live    : True if the page draws a change without the server.
     word    : word that the key accepts in place of a number ("auto", "off").
-    worth   : number that the word stands for; None if the key keeps the word.
+    worth   : number that means the same as the word; None if no number does.
     method  : the only pattern.method that has this control; '' for all.
-    instead : spacing of evenly spaced stripes that the value 0 stands for, metres."""
+    instead : spacing (metres) that the page shows if the value is 0 and the stripes are evenly spaced."""
 
     group: str
     key: str
@@ -68,8 +68,8 @@ def _direction_controls() -> list[Control]:
     ]
 
 
-_GAMMA = "gamma: factor on the loads before each face is classed as isotropic or not."
-_MODE_SYMMETRY = "Symmetries of the modes, with commas: x, y or z for a mirror, rot:6:z for turns by a sixth about z."
+_GAMMA = "gamma: factor on the loads; it only decides which faces count as isotropic."
+_MODE_SYMMETRY = "Symmetries of the modes (comma list): x, y or z for a mirror, rot:6:z for rotations by 60° about z."
 
 
 def _sheet_controls(surface: Surface) -> list[Control]:
@@ -97,7 +97,7 @@ def _mesh_controls(surface: Surface) -> list[Control]:
 
 
 _REFINE = "Triangles are divided until no edge is longer than this; off divides nothing."
-_SMOOTH = "Dividing also rounds the facets (Loop subdivision)."
+_SMOOTH = "The division of triangles also rounds the surface (Loop subdivision)."
 
 
 def _workshop_controls(surface: Surface) -> list[Control]:
@@ -119,10 +119,10 @@ def _workshop_controls(surface: Surface) -> list[Control]:
 
 
 _NO_SLITS = (
-    "Closes openings and widens members that are too narrow for a workshop, by the sheet's thickness. "
-    "A dash: on for evenly spaced stripes, unless widths follow the stress."
+    "Closes openings and widens members that are too narrow for a workshop; the limits depend on the thickness. "
+    "A dash means the default: on for evenly spaced stripes, except with the width rule stressed."
 )
-_BED = "Room of the machine along x, y and z in metres, for instance 0.25 x 0.21 x 0.2; empty checks nothing."
+_BED = "Space in the machine along x, y and z in metres, for instance 0.25 x 0.21 x 0.2; empty: no check of the size."
 
 _ACCEPT = (
     "Build even if a load has no support, the sheet is as thin as a film, or a feature under 1 mm fails its limit."
@@ -162,13 +162,13 @@ def _method_controls() -> list[Control]:
     ]
 
 
-_METHOD = "modes: stripes run on the smoothest fields of the diffusion; stripes: evenly spaced, along the stress."
+_METHOD = "modes: stripes follow the modes of the diffusion; stripes: evenly spaced stripes along the stress."
 _FAMILIES = "A single family has no crossings; the rim and kept regions hold its members together."
 _HALVE = "Where stripes crowd, every second stripe ends on a crossing member."
-_STRIPE_SYMMETRY = "auto: stripes have all mirrors and turns of surface, supports and loads; none: no symmetry."
-_FORCES = "Stripes follow the forces of the uncut sheet, or of the stiffest sheet of varying thickness (needs a share)."
-_ROUNDS = "How often directions are computed again with the weight of the cut sheet; 0: weight of the uncut sheet."
-_CROWDING = "avoid tries up to four other patterns where openings would be filled side by side."
+_STRIPE_SYMMETRY = "auto: stripes have all mirror and rotational symmetries of surface, supports and loads; none: none."
+_FORCES = "uncut: stripes follow the forces of the uncut sheet; optimal: of the stiffest sheet with equal material."
+_ROUNDS = "Number of times that the stripes are computed again with their own weight; 0: weight of the uncut sheet."
+_CROWDING = "avoid: if neighbouring openings would be filled, dsfab tries up to four other patterns."
 _TURN = "Angle between stripes and stress in degrees, for both families; 90 exchanges the families."
 
 
@@ -189,8 +189,8 @@ def _family_controls(name: str, preset: Preset, surface: Surface, reach: float) 
 
 _MODE = "Number of the mode, a field that stripes follow; 1 is the smoothest. auto selects the stiffest of several."
 _PHASE = "Moves the stripes sideways."
-_FREQUENCY = "Stripes per unit of the mode; a larger number gives a finer pattern."
-_SPACING = "Metres from one stripe to the next. On modes it replaces the frequency; 0 uses the frequency again."
+_FREQUENCY = "Number of stripes while the mode's value grows by 1; a larger number gives a finer pattern."
+_SPACING = "Metres from one stripe to the next. For stripes on modes, 0 means that the frequency decides."
 
 
 def _width_controls(reach: float) -> list[Control]:
@@ -201,7 +201,7 @@ def _width_controls(reach: float) -> list[Control]:
         Control(group, key + "solid_fraction", "solid fraction", high=0.95, step=0.005, hint=_FRACTION),
         Control(group, missed, "may miss it by", high=0.1, step=0.001, live=False, hint=_MISSED),
         Control(group, key + "member", "width", "length", "m", high=reach, step=fine, hint="Of members, if constant."),
-        Control(group, key + "q", "grading", high=4, step=0.05, hint="Share of material grows with stress to this."),
+        Control(group, key + "q", "grading", high=4, step=0.05, hint="Widths grow with this power of the stress."),
         Control(group, key + "steps", "steps", "whole", low=1, high=50, step=1, live=False, hint=_STEPS),
         Control(
             group, key + "min_width", "min. width", "length", "m", high=reach, step=fine, word="auto", hint=_THINNEST
@@ -215,17 +215,15 @@ _RULE = (
     "plain: the thresholds decide the width; constant: one width in metres; graded: the width grows with the stress; "
     "stressed: the energy of the cut sheet decides."
 )
-_STEPS = "How often the rule stressed cuts, solves and widens; the stiffest result counts."
+_STEPS = "Steps of the rule stressed: in each step dsfab cuts, solves and widens; the stiffest result counts."
 _FRACTION = (
     "Share of the surface that is material: widths are computed from this share. 0 leaves the widths as they are."
 )
-_MISSED = (
-    "Tolerance of the solid fraction: if it cannot be met exactly, the nearest share within is taken and reported."
-)
+_MISSED = "Largest error of the solid fraction where it cannot be met exactly. A note states the actual share."
 _NONE = "0 sets no limit."
 _THINNEST = (
-    "0 sets no limit. auto: evenly spaced members of graded width are at least as wide as the sheet is thick, or as "
-    "half of the constant width for the same material."
+    "0 sets no limit. auto: evenly spaced members of graded width are at least as wide as the sheet is thick, or half "
+    "as wide as equal members would be, whichever is less."
 )
 
 
@@ -243,6 +241,6 @@ def _kept_controls(reach: float) -> list[Control]:
 
 _FILLET = "Radius of the corners of openings; only the built solid shows it."
 _TIDY = (
-    "Shortens members that end in an opening to their last crossing, and fills slits; only the built solid shows it. "
-    "A dash: on for evenly spaced stripes of both families."
+    "Cuts members that end in an opening back to their last crossing, and fills slits; only the built solid shows it. "
+    "A dash means the default: on for evenly spaced stripes."
 )

@@ -181,7 +181,7 @@ def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, si
     acting = np.flatnonzero(acts)
     if not len(acting):
         return np.zeros((0, 6))
-    candidates = acting[:: max(len(acting) // 3000, 1)]  # more candidates do not change the picture
+    candidates = acting[:: max(len(acting) // 3000, 1)]  # 3000 vertices are enough to select places of arrows
     chosen = candidates[thin_points(V[candidates], size, spacing)]
     owner = cKDTree(V[chosen]).query(V[acting])[1]
     total = np.stack([np.bincount(owner, force[acting, i], len(chosen)) for i in range(3)], axis=1)
@@ -248,7 +248,7 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
         "place": None if narrowest is None else narrowest.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # a bar ends exactly at `least`
+        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # a bar of the chart ends at `least`
         "min_member": least,
         "pattern": _pattern_figures(draft, cut),
         "compliance": solved.compliance if solved.elements.is_reported else None,

@@ -15,7 +15,7 @@ ReportProgress = Callable[[str, str], None]  # Function that reports a stage and
 
 
 class Cancelled(Exception):  # noqa: N818  # no error
-    """Raised in the worker at its next report after the user has cancelled the job."""
+    """Raised by `JobProgress` in the worker, after the user has cancelled the job."""
 
 
 class JobProgress:
@@ -34,7 +34,7 @@ class JobProgress:
             raise Cancelled
 
 
-Work = Callable[[JobProgress], dict[str, Any]]  # Function of a job, which returns facts for the page.
+Work = Callable[[JobProgress], dict[str, Any]]  # Function that does a job and returns values for the editor's page.
 
 
 @dataclass(eq=False)
@@ -144,7 +144,7 @@ class Jobs:
         return listener
 
     def remove_listener(self, listener: "queue.Queue[dict[str, Any] | None]") -> None:
-        """Stop the records for a queue of `add_listener`."""
+        """Stop adding records to a queue from `add_listener`."""
         with self._wake, suppress(ValueError):
             self._listeners.remove(listener)
 

@@ -54,7 +54,7 @@ def widget_module() -> str:
     """Return the whole page as one module for anywidget: widget.js with all other files packed into it.
 
     Imports of './x.js' become imports of 'dsfab/x.js', because a packed module has no relative imports [HTML Standard].
-    The notebook's transport module takes the name of the server's transport module."""
+    The notebook's transport module replaces the server's transport module, under the name of the latter."""
     texts = {name: content.decode() for name, content in static_files().items()}
     modules = {name: text for name, text in texts.items() if name.endswith(".js") and name != WIDGET}
     modules[HTTP] = modules.pop(NOTEBOOK)
@@ -122,7 +122,7 @@ def _handle_drop(session: Session, fields: RequestFields) -> RequestFields:
 def _handle_compare(session: Session, fields: RequestFields) -> RequestFields:
     numbers = _required_field(fields, "variants", list)
     if len(numbers) not in (1, 2) or not all(isinstance(number, int) for number in numbers):
-        raise RequestError("the field variants is not a list of one or two numbers; reload the page")
+        raise RequestError("the field 'variants' must be a list of one or two numbers; reload the page")
     presets = [session.variants[number].preset for number in numbers]
     before, after = (*presets, session.current_preset.preset_with(_changes_field(fields)))[:2]
     return {"differences": differences(before, after)}

@@ -54,8 +54,8 @@ class SessionView:
 
 
 class Session:
-    """The open preset, its last draft, and the files of builds; use as `with Session(opened)`.
-    drafted : draft of the first preset, which the page shows at once.
+    """The open preset, its last draft (a design before the cut), and builds; use as `with Session(opened)`.
+    drafted : draft of the preset that is open at the start; the page shows this draft at once.
     outputs : folder of builds and its name; None for a temporary folder of the session."""
 
     def __init__(self, opened: OpenedPreset, drafted: Design | None = None, outputs: Outputs | None = None) -> None:
@@ -90,7 +90,7 @@ class Session:
             return self._opened
 
     def start(self) -> dict[str, Any]:
-        """Return the facts for the page before the first solution."""
+        """Return the values that the editor's page needs before the first draft is solved."""
         with self._lock:
             opened, number = self._opened, self._opening
         return {
@@ -216,7 +216,7 @@ class Session:
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """Return the last draft for a page that has version `have`. Raises DsfabError before the first draft."""
+        """Return the last draft; only its widths if the page has version `have`. Raises DsfabError without a draft."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -224,7 +224,7 @@ class Session:
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty if `draft` is not its number."""
+        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty if its number is not `draft`."""
         with self._lock:
             latest_cut = self._cut
         if not latest_cut or latest_cut[0].number != draft:

@@ -56,7 +56,7 @@ class Editor(anywidget.AnyWidget):
         self._session.__exit__()
 
     def set_state(self, sync_data: Mapping[str, Any]) -> None:
-        """Take changes from the page without an error, because the page shows errors itself."""
+        """Accept changes from the page without a check, because the page itself shows errors."""
         self._heard = True
         try:
             super().set_state(sync_data)

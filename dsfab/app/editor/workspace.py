@@ -41,7 +41,7 @@ class Outputs:
         return folder
 
     def foreign_files(self, name: str) -> int:
-        """Return how many files in the folder of a name come from an earlier session or another program."""
+        """Return how many files in the folder `name` come from an earlier session or another program."""
         folder = self.folder(name)
         if folder in self._ours or not folder.exists():
             return 0
@@ -52,7 +52,7 @@ class Outputs:
         return next(word for word in _numbered_names(name) if not self.foreign_files(word))
 
     def publish(self, files: Path, name: str) -> Path:
-        """Move all files of a folder to the folder of the name, and return that folder. Raises DsfabError."""
+        """Move all files from the folder `files` to the build folder `name`; return the latter. Raises DsfabError."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -61,7 +61,7 @@ class Outputs:
         return folder
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
-        """Write NAME.toml beside the folders, or NAME-2.toml if it exists; return its path. Raises DsfabError."""
+        """Write NAME.toml or, if it exists, NAME-2.toml into `home`; return the path. Raises DsfabError."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))
@@ -99,7 +99,7 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and other files."""
+        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and new files."""
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):  # the page must not choose files on this machine
             raise PresetError(
@@ -112,13 +112,13 @@ class OpenedPreset:
         return preset
 
     def toml(self, changes: Mapping[str, Any]) -> str:
-        """Return the changed preset as TOML, with the user's name for a mesh from the page."""
+        """Return the changed preset as TOML. If the user dropped a mesh on the page, its file has the user's name."""
         preset = self.preset_with(changes)
         return preset_toml(with_file(preset, Path(self.mesh)) if self.page_mesh else preset)
 
     @property
     def page_mesh(self) -> Path | None:
-        """The session's copy of a mesh file from the page, which exists until the session ends."""
+        """The session's copy of a mesh file that the user dropped on the editor's page; deleted with the session."""
         return _mesh_file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:

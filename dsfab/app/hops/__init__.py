@@ -31,7 +31,7 @@ def hops(
             try:
                 for component in COMPONENTS.values():
                     print_result(f"{server.address}/{component.name}  {component.about}")
-                print_result("Paste one into a Hops component of Grasshopper. Ctrl-C ends it.")
+                print_result("Paste an address into a Hops component of Grasshopper. Ctrl-C ends the server.")
                 sys.stdout.flush()  # a program that reads this pipe waits for the address
                 server.serve_forever(poll_interval=0.2)
             except KeyboardInterrupt:

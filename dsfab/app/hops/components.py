@@ -22,9 +22,9 @@ from dsfab.workshop import workshop_plan
 INPUTS = (
     HopsParameter("mesh", "M", "The surface, as a mesh.", "Mesh", is_required=True),
     HopsParameter(
-        "supports", "S", "Points that hold the surface near them; left out: its feet.", "Point", is_list=True
+        "supports", "S", "Points that hold the surface near them. Default: the surface's feet.", "Point", is_list=True
     ),
-    HopsParameter("snow", "Sn", "Pa on the plan; left out: the usual load of its kind, a placeholder.", "Number"),
+    HopsParameter("snow", "Sn", "Pa on the plan. Default: a placeholder for the kind of surface.", "Number"),
     HopsParameter("spacing", "Sp", "Distance from one member to the next, in the unit of the model.", "Number"),
     HopsParameter("thickness", "T", "Thickness of the sheet, in the unit of the model.", "Number"),
     HopsParameter("share", "Sh", "Share of the surface that is material, 0 to 1.", "Number"),

@@ -33,11 +33,11 @@ class FactorMemoryError(DsfabError, MemoryError):
     @classmethod
     def from_bytes(cls, needed: int | None, free: int | None = None) -> Self:
         """Return the error; its message contains the `needed` and `free` bytes if they are known."""
-        need = "more memory than there is" if needed is None else f"{needed / 2**30:.1f} GiB"
+        need = "more memory than is free" if needed is None else f"{needed / 2**30:.1f} GiB"
         free_text = "" if free is None else f", {free / 2**30:.1f} GiB are free"
         return cls(
             f"factorising the stiffness needs {need}{free_text}; use a coarser mesh or simpler elements, close other "
-            "programs, or install dsfab[amg], which needs a tenth (constant+hinge elements only)"
+            "programs, or install dsfab[amg], which needs a tenth of the memory (constant+hinge elements only)"
         )
 
 
@@ -99,8 +99,8 @@ def blas_pools() -> Any:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Limit BLAS to one thread, because on vectors and small fronts more threads are slower.
-    The number of threads belongs to the whole process, so other Python threads wait."""
+    """Limit BLAS to one thread, because more threads are slower on vectors and small fronts.
+    The limit applies to the whole process, so a lock makes other Python threads wait until it ends."""
     with _BLAS_LOCK, blas_pools().limit(limits=1, user_api="blas"):
         yield
 
@@ -112,9 +112,9 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
     unknowns : number of unknowns of all points together.
     leaf     : largest number of unknowns of a part that is not divided.
 
-    The method halves each part at the median of its longest axis. The separator is the smaller of two sets: the points
-    of one half that touch the other half. The separator is eliminated after both halves. Each level adds one base-4
-    digit: 0 lower half, 1 upper half, 2 separator. So the keys are in the order of elimination."""
+    The method halves each part at the median of its longest axis. The separator is a set of points of one half that
+    touch the other half; the method chooses the half with fewer such points. The separator is eliminated last. Each
+    level adds one base-4 digit: 0 lower half, 1 upper half, 2 separator. Keys give the elimination order."""
     i, j = graph
     n = len(points)
     key, part, alive = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64), np.ones(n, dtype=bool)
@@ -202,7 +202,7 @@ class Fronts:
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # order along a curve, because neighbouring unknowns of a child are fast to add
+        # points of a part are sorted along a curve: so unknowns of a child lie side by side, and are fast to add
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)

@@ -231,7 +231,7 @@ class Multigrid:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Take new values of K, (N, N), on the same points."""
+        """Use a new matrix K, (N, N), with the unknowns of the same points."""
         import pyamg
 
         self._K = K

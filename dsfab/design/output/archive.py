@@ -115,7 +115,7 @@ def _distances(design: Design) -> dict[str, Floats]:
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
-    """Return fields at vertices. If a vertex has several phases, the one with the nearest line counts."""
+    """Return fields at vertices. If a vertex has several phases, the phase of the nearest line counts."""
     name, chart, density = STRIPES[family], even.chart, even.density[:, family]
     weights = chart.weights.tocoo()
     row, vertex = (index.astype(np.int64) for index in weights.coords)
@@ -214,7 +214,7 @@ def tidy_arrays(tidy: Tidy) -> Arrays:
 
 
 def tidy_from(arrays: Mapping[str, NDArray[Any]]) -> Tidy | None:
-    """Return the rules by which stripes are removed, from arrays such as tidy_anchor (n,); None if there are none."""
+    """Return the rules for removing loose stripes, from an archive's arrays such as tidy_anchor (n,), or None."""
     if "tidy_striped" not in arrays:
         return None
     striped = tuple(arrays["tidy_striped"].tolist())

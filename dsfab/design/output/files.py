@@ -52,7 +52,7 @@ class OpenedSurface(NamedTuple):
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet cut along the seam, with the same order of cells, and pairs (k, 2) of half-edges at it."""
+        """Return a sheet cut along the seam, with cells in the same order, and pairs (k, 2) of half-edges there."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -96,8 +96,8 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
     """Return faces (m,) whose normal must be reversed for the shortest seam; None if no seam gives a two-sided piece.
-    counts : (m,) cost of a metre of seam beside each face.
-    The seam runs from boundary to boundary. It crosses a path around the one-sided surface an odd number of times."""
+    counts : (m,) cost of a metre of seam along an edge of each face.
+    The seam runs from boundary to boundary. It crosses a loop that reverses the normal an odd number of times."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -129,7 +129,7 @@ def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
     """Return the edges of the shortest path from node `source` to `target`, in order; (0,) if there is no path.
-    Each place has two nodes, one for each side. An edge with `turns` = 1 changes sides.
+    Nodes i and i + count / 2 are two copies of a vertex or face. An edge with `turns` = 1 joins different copies.
     count : number of nodes."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
@@ -146,7 +146,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) whose normal must be reversed so that the seam has at most half of each face's outline."""
+    """Return faces (m,) whose normal must be reversed so that at most half of a face's outline lies on the seam."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -178,8 +178,8 @@ def _seam(surface: Surface) -> Bools:
 
 
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
-    """Write one file in the format of the suffix of `path`, and read it back as a check; return the path. The file of a
-    design is that of `dsfab build` or `dsfab export`. The file of a solid, a sheet or a surface has only its mesh.
+    """Write one file in the format of the suffix of `path`, and read it back as a check; return the path. A design
+    gives the same file as `dsfab build` or `dsfab export`. A solid, a sheet or a surface gives a file with its mesh.
     options : keywords of `dsfab.export.write`, which replace those of the preset.
     Raises ExportError if the file cannot be written."""
     if not isinstance(item, Design):

@@ -189,12 +189,12 @@ def _node_set(name: str, members: Bools) -> Iterator[str]:
 
 
 def _set_name(text: str) -> str:
-    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:80]  # ccx reads 80
+    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:80]  # ccx's limit
     return word if word[:1].isalpha() else f"S{word}"
 
 
 SUFFIX = ".beams.inp"
-PIECES = 4  # number of elements per beam; joints in bending are then up to 8 % too stiff
+PIECES = 4  # number of elements per beam; with four elements, joints are up to 8 % too stiff in bending
 
 
 def encode(part: Part) -> Iterator[bytes]:

@@ -28,7 +28,7 @@ KILO, MEGA = 1e3, 1e6
 FINE, COARSE = 0.1, 1.0  # widths below and above 100 mm are rounded to these steps (mm); similar beams share a section
 SMALL = {0: 1e-6, 3: 1e-2}
 """Smallest forces (key 0) and moments (key 3) in the workbook, as fractions of the largest in their load case.
-Smaller forces are rounding errors. Smaller moments come from loads that act slightly beside a beam."""
+Smaller forces are rounding errors. Smaller moments arise from loads that act slightly off the axis of a beam."""
 TYPES = {
     "S": "Steel",
     "GL": "Timber",

@@ -77,7 +77,7 @@ def empty_model() -> Any:
 
 
 def archive(model: Any) -> bytes:
-    """Return a model as the bytes of a 3DM file with constant times."""
+    """Return a model as the bytes of a 3DM file. The times in the file are constant, not the current time."""
     version = 7  # Rhino 7 and newer versions read the file
     import rhino3dm
 
@@ -90,7 +90,7 @@ Ids = Callable[[str], uuid.UUID]
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function that gives each name a UUID, which also depends on the arrays, and so on the design."""
+    """Return a function that gives each name a UUID. Designs with different arrays get different UUIDs."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())

@@ -1,4 +1,4 @@
-"""DXF (R2010): edges and centre lines in place, with plan and elevations; or each member as a named group."""
+"""DXF (R2010): edges and centre lines in space, with plan and elevations; or each member as a named group."""
 
 import io
 from collections import defaultdict
@@ -84,7 +84,7 @@ def _add_views(document: Any, part: Part) -> None:
 
 
 def add_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
-    """Add the curves of a line to a drawing and yield the entities: splines, and a polyline for connected segments."""
+    """Draw a line from its curves and yield the new entities. Connected segments become polylines, others splines."""
     for run in joined_segments(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()

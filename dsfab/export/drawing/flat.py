@@ -84,7 +84,7 @@ _TITLE = "title of the drawing"
 
 
 class _Frame(NamedTuple):
-    """DXF text before and after the entities. free : first unused identifier; space : identifier of the model space."""
+    """Two parts of a DXF text without entities. free : first unused handle; space : handle of the model space."""
 
     before: str
     after: str
@@ -163,7 +163,7 @@ def _svg(drawing: FlatDrawing, thin: float) -> Iterator[str]:
         f"<title>{escape(one_line(drawing.title))}</title>\n<desc>Full size, millimetres; dsfab {__version__}</desc>\n"
     )
     for name in drawing.layers:
-        # names of 8 mm must stay legible on sheets of several metres
+        # text 8 mm high must stay legible on sheets of several metres
         width = min(hair, 0.8) if name == "ENGRAVE" else hair
         style = f"fill: none; stroke: {STROKES[name]}; stroke-width: {width:.3f}; stroke-linejoin: round"
         yield f'<g inkscape:groupmode="layer" inkscape:label={quoteattr(name)} id="{name}" style="{style}">\n'

@@ -47,7 +47,7 @@ def views(part: Part) -> list[DrawingView]:
         X = part.V @ np.stack([right, up], axis=1)
         used = X[part.F.ravel()]
         low, high = used.min(axis=0), used.max(axis=0)
-        if (high - low).min() > 1e-6 * size:  # a thinner view is only a line
+        if (high - low).min() > 1e-6 * size:  # otherwise the view shows only a line
             drawings.append(_view(title, sheet, part.details.lines, np.stack([right, up, eye]), low, high, size))
     return drawings
 
@@ -158,7 +158,7 @@ def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[
 
 
 def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
-    """Return the largest standard scale at which the rows fit above the title block, or with the last row beside it."""
+    """Return the largest standard scale at which the rows fit above the title block. The last row may be beside it."""
     extents = np.concatenate([view.extent for row in rows for view in row])
     power = 10.0 ** np.floor(np.log10(extents.max() / max(PAPER)) - 1)
     while True:

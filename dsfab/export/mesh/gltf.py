@@ -65,7 +65,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def millimetres(V: Floats) -> Floats:
-    """Return vertices (n, 3) of a file in millimetres, with z upwards."""
+    """Convert vertices (n, 3) of a glTF file (metres, y upwards) to millimetres, with z upwards."""
     return V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M
 
 

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
 
-UNITS = "units: metres, newtons, newton metres; n and q per metre of section, m per metre of section"
-Q_LESS = "q is one order less accurate than m, and up to a fifth too small on ribs 3 or 4 faces wide"
+UNITS = "units: metres, newtons; n and q: newtons per metre of section; m: newton metres per metre of section"
+Q_LESS = "shear q converges one order slower than moment m; on ribs 3 or 4 faces wide, q is up to a fifth too small"
 SHEET_FORMAT = "%.8g"
 READ = 1e-6  # largest error of numbers read back / largest number of the column
 
@@ -123,10 +123,10 @@ MEMBER_NOTES = (
     "forces of members at their sections, summed from n, m and q of the cut sheet",
     "units: metres, newtons, newton metres",
     "x along the member, from the first node of its bay; z: normal of the surface; y = z cross x, to the left",
-    "on a section with outward normal x: N positive is tension; My positive stretches the side of the normal",
-    "Mz positive stretches the right side; Mt turns about x; Vy and Vz act along y and z",
-    "least and greatest: of all cases and combinations, separately for each number",
-    "bays end where joints begin; Vz is the least accurate: in ribs of 3 or 4 faces up to a fifth too small",
+    "signs on a section with outward normal x: positive N is tension; positive My stretches the side at positive z",
+    "positive Mz stretches the right side (negative y); Mt turns about x; Vy and Vz act along y and z",
+    "rows 'least' and 'greatest': smallest and largest value of each column over all cases and combinations",
+    "bays end where joints begin; Vz is the least accurate force: up to a fifth too small in ribs 3 or 4 faces wide",
 )
 
 
@@ -241,7 +241,7 @@ def _largest(members: Mapping[str, "MemberForces"]) -> Iterator[list[Any]]:
 
 UTILISATION_NOTES = (
     "utilisation: force over resistance of members, for each bay, the largest first; the limit is 1",
-    "units: metres, newtons, newton metres; forces as in member_forces.csv, where that check decides",
+    "units: metres, newtons, newton metres; each row has the forces of the section that gives its utilisation",
 )
 HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", "width [m]", "thickness [m]", "bay [m]")
 

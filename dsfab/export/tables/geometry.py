@@ -19,7 +19,7 @@ HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point"
 
 
 def encode_csv(part: Part) -> Iterator[bytes]:
-    """Yield a row per point; coordinates to 1e-6 mm. Points are numbered from 1; a closed line ends with its first."""
+    """Yield a row per point, numbered from 1; coordinates to 1e-6 mm. A closed line ends with its first point."""
     yield (",".join(HEAD) + "\r\n").encode()
     for line in part.details.lines:
         text = io.StringIO()
@@ -42,7 +42,7 @@ def check_csv(part: Part, path: Path) -> ReadBack:
 
 
 def encode_json(part: Part) -> Iterator[bytes]:
-    """Yield one object, with a line of text for each line; coordinates to 1e-6 mm."""
+    """Yield one JSON object, with one row of text for each structure line; coordinates are rounded to 1e-6 mm."""
     head = {
         "name": part.name,
         "program": f"dsfab {__version__}",

@@ -129,7 +129,7 @@ class Utilisation:
 
     @cached_property
     def worst(self) -> Floats:
-        """Largest value of all cases (b, c), for each bay and check."""
+        """Largest value (b, c) over all cases, for each bay and check."""
         return np.asarray(self._all.max(axis=1))
 
     @cached_property
@@ -183,7 +183,7 @@ class Rectangle:
 
     @cached_property
     def area(self) -> Floats:
-        """Areas (b, k), m2."""
+        """Areas of the sections (b, k), m2."""
         return np.asarray(self.width * self.thickness)
 
     @cached_property
@@ -203,7 +203,7 @@ class Rectangle:
 
     @cached_property
     def iz(self) -> Floats:
-        """Radii of gyration for bending in the surface (b, k), metres."""
+        """Radii of gyration (b, k), metres, for bending about z, within the surface."""
         return np.asarray(self.width / np.sqrt(12))
 
     @cached_property

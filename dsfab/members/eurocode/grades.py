@@ -26,7 +26,7 @@ class SteelGrade:
 
 def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrade:
     yields = zip(PLATES, (x * MPA for x in megapascals), strict=True)
-    return SteelGrade(name, tuple(yields), f"EN 1993-1-1, table 3.1 up to 80 mm; {product} above")
+    return SteelGrade(name, tuple(yields), f"EN 1993-1-1, table 3.1 for plates up to 80 mm; {product} above 80 mm")
 
 
 PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)
@@ -88,7 +88,7 @@ TIMBER = {
         TimberGrade(
             *("LVL 48 P", "LVL"),
             *(44 * MPA, 35 * MPA, 29 * MPA, 4.2 * MPA, 11600 * MPA, 400 * MPA, 48 * MPA, 2.3 * MPA, 0.15),
-            "EN 14374, as the makers' bulletin on strength classes of 2019 has it; compression in service class 2",
+            "EN 14374, values of the makers' bulletin on strength classes (2019); compression in service class 2",
         ),
     )
 }

@@ -19,8 +19,8 @@ UNCHECKED = (
     "stability of the structure as a whole: nodes count as supported, so that bays buckle separately",
     "effects of displacements on forces (second order), and imperfections of the surface",
     "slip between layers: sections are solid, as thick as the sheet",
-    "plates, discs, fills and stubs without a bay between two nodes",
-    "fire, fatigue, brittle fracture, corrosion; displacements",
+    "plates, discs and fills; stubs that have no bay between two nodes",
+    "fire, fatigue, brittle fracture, corrosion; size of displacements",
 )
 """Topics that dsfab does not check."""
 
@@ -96,11 +96,11 @@ def _steel_words(grade: SteelGrade, factors: SteelFactors, thickness: float) -> 
     yield f"Strengths: {grade.source}, plates of {length(thickness)}."
     if not grade.covers(thickness):
         limit = length(grade.yields[-1][0])
-        yield f"The table ends at {limit}: for {length(thickness)} the check uses its last strength, which is too high."
+        yield f"Strengths end at {limit}: plates of {length(thickness)} get the last value, which is too high."
     yield f"Partial factors: gamma_M0 = {factors.gamma_m0:g}, gamma_M1 = {factors.gamma_m1:g} (6.1)."
     yield (
-        f"Buckling: {factors.buckling_length:g} times the distance of nodes about both axes, curve {factors.curve} "
-        "(table 6.2: solid sections); sideways curve d (table 6.4), under one moment all along."
+        f"Buckling: {factors.buckling_length:g} times the distance between nodes for both axes, curve {factors.curve} "
+        "(table 6.2: solid sections); lateral torsional buckling: curve d (table 6.4), constant moment."
     )
     yield "Sections are plastic (6.2.9), members elastic (6.3.3, annex B: class 3, table B.2), without holes."
 
@@ -120,12 +120,12 @@ def _timber_words(grade: TimberGrade, rules: Rules) -> Iterator[str]:
     times = sorted({(k_mod(d, factors.service_class), d) for d in rules.durations.values()})
     listed = ", ".join(f"{value:g} ({name})" for value, name in times)
     yield f"k_mod in service class {factors.service_class} by the shortest load of each case: {listed} (table 3.1)."
-    yield f"Buckling: {factors.buckling_length:g} times the distance of nodes about both axes (6.3.2, 6.3.3)."
-    yield "Size factors that add strength (3.2, 3.3) are left out; shear with k_cr (6.1.7), torsion apart (6.1.8)."
+    yield f"Buckling about both axes: length = {factors.buckling_length:g} times the distance of nodes (6.3.2, 6.3.3)."
+    yield "Size factors that add strength (3.2, 3.3) are left out; shear: k_cr (6.1.7); torsion: own check (6.1.8)."
     if factors.layer:
         yield (
             f"Straight layers of {length(factors.layer)} are bent into shape: their stress E t kn / 2 adds to the "
-            "bending stress and does not relax; by itself it is checked as a permanent stress."
+            "bending stress and does not relax; dsfab also checks this stress alone, as a permanent stress."
         )
     else:
-        yield "Members are made in their final shape, so no bending into shape adds stress (eurocode.bent_in)."
+        yield "Members are made in their final shape; if they are bent into shape, set eurocode.bent_in."

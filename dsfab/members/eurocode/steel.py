@@ -83,7 +83,7 @@ def member_checks(
 ) -> CheckRatios:
     """Return the checks (b, 1) of whole bays with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
     The largest compression and the largest moments of a bay act together on its narrowest section.
-    Moments have elastic resistances and the factors of annex B for class 3, table B.2."""
+    Moment resistances are elastic. Interaction factors are from annex B, table B.2, for class 3."""
     fy, young, shear = material
     slim = section.slimmest()
     N = np.maximum(-forces[:, :, 0], 0.0).max(axis=1, keepdims=True)

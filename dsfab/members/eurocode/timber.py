@@ -50,7 +50,7 @@ def timber_checks(
 ) -> CheckRatios:
     """Return force divided by resistance, for bays under forces (b, 5, 6).
     duration : duration of the shortest load.
-    elastic  : Young's modulus, Pa, for the stress E layer |kn| / 2 from bending into shape."""
+    elastic  : Young's modulus, Pa. Bending a layer into shape gives the stress elastic * thickness * curvature / 2."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     over = (factors.gamma_m or GAMMA[grade.product]) / k_mod(duration, factors.service_class)
     bent = elastic * factors.layer * np.abs(bays.curvature) / 2
@@ -77,7 +77,7 @@ class Stresses:
 
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
-    """Return the stresses of forces (b, 5, 6); bent : (b, 5) stress from bending into shape, Pa, added to My."""
+    """Return the stresses from forces (b, 5, 6). bent : (b, 5) stress from bending into shape, Pa, added to `my`."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(
@@ -118,7 +118,7 @@ def section_checks(
 
 
 def column_factor(slenderness: Floats, grade: TimberGrade) -> Floats:
-    """Return the factor k_c of relative slendernesses (b, k) [EN 1995-1-1, (6.25) to (6.29)]; 1 up to 0.3."""
+    """Return the factor k_c [EN 1995-1-1, (6.25) to (6.29)]; 1 for relative slendernesses (b, k) up to 0.3."""
     k = 0.5 * (1 + BETA[grade.product] * (slenderness - STRAIGHT) + slenderness**2)
     k_c = 1 / (k + np.sqrt(np.maximum(k**2 - slenderness**2, 0.0)))
     return np.asarray(np.where(slenderness <= STRAIGHT, 1.0, np.minimum(k_c, 1.0)))
@@ -131,7 +131,7 @@ def beam_factor(slenderness: Floats) -> Floats:
 
 
 def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> CheckRatios:
-    """Return the checks (b, 1) of bays of lengths (b, 1), m, with the largest stresses on the narrowest section."""
+    """Return the stability checks (b, 1) for the largest stresses and narrowest sections. over : gamma_M / k_mod."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
     largest = Stresses(*(np.max(value, axis=1, keepdims=True) for value in vars(stress).values()))
     y, z = (over * value for value in _bending(slim, largest, grade))

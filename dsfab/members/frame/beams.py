@@ -52,7 +52,7 @@ class Beams:
         return Beams(ends[chosen], *shape, self.member[chosen], self.stout[chosen])
 
     def and_links(self, ends: Ints, normal: Floats, width: Floats) -> "Beams":
-        """Return the beams, and links between nodes (k, 2) as further beams, of widths (k,)."""
+        """Return these beams and k more beams, which link the nodes `ends` (k, 2). width : (k,) widths of the links."""
         none = np.zeros(len(ends))
         return Beams(
             np.concatenate([self.ends, ends]),
@@ -65,7 +65,7 @@ class Beams:
 
 
 def beams_along(joints: AxisJoints) -> Beams:
-    """Return the beams along all axes, and those for links. Nodes that divide bays into beams are added to `joints`."""
+    """Return the beams along all axes and the beams of `joints.links`. Nodes inside bays are added to `joints`."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
         for begin, end in pairwise(_stations(joints, member)):
@@ -124,7 +124,7 @@ def _sides(member: Member) -> Floats:
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and added widths (k,), 0 for beams."""
+    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and widths (k,) to add; 0 for beams."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # shorter joints are left out
@@ -159,7 +159,7 @@ class BeamPlaces:
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the nearest beam to each place (q, 3), and the nearest point on it."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
-    count = 9  # number of points along each beam; the six nearest points give the candidates
+    count = 9  # sample points along each beam; candidates are the beams of the six samples nearest to a place
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a

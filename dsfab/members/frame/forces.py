@@ -20,14 +20,14 @@ Forces are averaged over these planes, because forces are constant on faces and 
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Lines in which planes across an axis cut faces. c counts the lines, e their ends on free edges.
-
+    """Lines in which planes across a member's axis cut the faces. The planes belong to stations (points) of the axis.
+    c counts the lines. e counts ends of lines on free edges.
     station : (c,) number of the station.    face : (c,) face.
     length  : (c,) metres, divided by the number of planes at a station.
     arm     : (c, 2, 3) vectors (m) from the axis to both ends of the line.
     weight  : (c, 2, 3) barycentric weights of both ends of the line in the face.
     across  : (c, 3) unit vectors in the face, at right angles to the line, along the axis.
-    end_station, end_face, end_across : station, face and `across` of the end's line.
+    end_station, end_face, end_across : (e,) station, face and `across` of the line that has the end.
     end_arm : (e, 3) vectors (m) from the axis.    end_weight : (e, 3) barycentric weights.
     end_out : (e, 3) unit vectors along the line, out of the face."""
 
@@ -60,7 +60,7 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
 
 
 def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """Return arc lengths (c, 3), m, of cells' corners; in a cell they differ by less than half of a closed axis."""
+    """Return arc lengths (c, 3), m, of cells' corners. In a cell, they differ by less than half of a closed axis."""
     used, vertex_row = np.unique(surface.F[cells], return_inverse=True)
     count = int(np.clip(4 * axis.length / surface.mean_edge, 16, 20_000))
     t = np.linspace(0, axis.length, count + 1)
@@ -157,7 +157,7 @@ class MemberForces:
 
 
 def member_forces(graph: MemberGraph, forces: Mapping[str, SectionForces]) -> dict[str, MemberForces]:
-    """Return the forces of members with an axis and a bay, by name, from section forces of the design's sheet."""
+    """Return forces by member, for members with an axis and a bay (part between two nodes). forces : of the sheet."""
     by_member = {}
     for member in graph.members:
         s, bays = _stations(graph, member)
@@ -169,7 +169,7 @@ def member_forces(graph: MemberGraph, forces: Mapping[str, SectionForces]) -> di
 def forces_along(
     graph: MemberGraph, member: Member, s: Floats, bays: tuple[str, ...], forces: Mapping[str, SectionForces]
 ) -> MemberForces:
-    """Return the forces of a member at arc lengths (k,) of its axis, metres, in bays (k,)."""
+    """Return the forces of a member at arc lengths s (k,) of its axis, m. bays : name of the bay at each arc length."""
     surface, axis = graph.sheet.surface, member.curve
     cut = sections(surface, member.cells, axis, s)
     _, T, N = axis.frames_at(s % axis.length if axis.closed else s)
@@ -190,7 +190,7 @@ def _force_sums(
     m = np.einsum("ca,cai->ci", _times(section_forces.m[source], v), frame)
     p = np.stack(ends, axis=1) - (np.einsum("ca,ca->c", section_forces.q[source], v)[:, None] * z)[:, None]
     F = group_sums(cut.station, cut.length[:, None] * p.mean(axis=1), len(axes))
-    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # forces vary linearly on lines
+    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # p is linear along each line
     M = group_sums(cut.station, cut.length[:, None] * moment, len(axes))
     f = _edge_forces(cut, section_forces, graph, normals)
     F = F + group_sums(cut.end_station, f, len(axes))

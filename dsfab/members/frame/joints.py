@@ -26,9 +26,9 @@ class AxisJoints:
     """Nodes on the axes of members, collected step by step.
     points, names : points (3,) and names of the nodes.
     on     : pairs (arc length, node number) of the nodes on an axis, by member.
-    links  : (node, node, width in metres) for two nodes that the sheet joins beside the axes.
+    links  : (node, node, width in metres) for two nodes on different axes that material of the sheet connects.
     ends   : begin and end of a member's beams, metres along its axis, by member.
-    grazed : nodes at which members share material beside their middle lines."""
+    grazed : nodes at which members overlap although their middle lines do not meet."""
 
     graph: MemberGraph
     points: list[Floats] = field(default_factory=list)
@@ -140,7 +140,7 @@ def join_ends(joints: AxisJoints) -> None:
 
 
 def _join_touching(joints: AxisJoints, trees: Trees) -> None:
-    """Join ends without a node to the members that continue their material.
+    """Join member ends that have no node to the members that touch these ends.
 
     A free end is joined to all members nearer than the end's width, other ends only to members that also end there. So
     the arms of a star stay connected. Ends with a node get no links, which would make the frame too stiff."""
@@ -226,8 +226,8 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 def add_hubs(joints: AxisJoints) -> None:
     """Add a hub (central node) and links (spokes) to each disc of 3 nodes or more. Spoke widths sum to the ring length.
-    Under a load P on the hub, clamped spokes deflect 0.73 times, simply supported ones 1.15 times as much as the plate
-    [Timoshenko, Woinowsky-Krieger 1959, 19]."""
+    Under a load on the hub, clamped spokes deflect 0.73 times as much as the plate. Simply supported spokes deflect
+    1.15 times as much as the plate [Timoshenko, Woinowsky-Krieger 1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

@@ -13,7 +13,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock, lock_floats, read_only_
 from dsfab.core.errors import StaticsError
 from dsfab.statics import Equilibrium
 
-Combinations = Mapping[str, Mapping[str, float]]  # Factors of cases by the names of combinations.
+Combinations = Mapping[str, Mapping[str, float]]  # For each combination, the factor of each load case, by name.
 SHEAR = 5 / 6  # Shear area of a rectangle divided by its area [Timoshenko 1921].
 
 
@@ -61,7 +61,7 @@ class Frame:
     combinations : factors of the cases, by name of the combination.
     actions   : permanent, snow, wind or variable, by case; {} if unknown.
     eccentricity : (b,) metres from the beam to the material's middle, to the left along local y.
-    stout     : (b,) width of the member divided by the length of the bay; 1 if members graze; 0 for links."""
+    stout     : (b,) width of the member / length of the bay; 1 at nodes where members only touch; 0 for links."""
 
     points: Floats
     nodes: tuple[str, ...]
@@ -256,18 +256,18 @@ def _answer(frame: Frame, load: Floats, K: csr_array, u: Floats, local: tuple[Fl
 
 
 STOUT = 0.35
-"""Bays wider than this fraction of their length do not act as beams, because joints take half of the length."""
+"""Bays wider than this fraction of their length do not act as beams, because joints cover half of such a bay."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
-    """Results of a frame divided by those of its sheet, for one case. Ribs of this sheet twist as bars.
+    """Results of a frame divided by those of its sheet, for one case. In this sheet, ribs have the torsion of bars.
 
     compliance   : ratio of the compliances, 1 for equal results.
     displacement : ratio of the largest displacements, 1 for equal results.
     stout : share of the elastic energy in links, in bays wider than `STOUT`, and in bays with grazing members; or the
             share of the sheet's energy outside of members with an axis, if this is larger.
-    twist : largest displacement of the sheet with such ribs, divided by that of the thin sheet."""
+    twist : largest displacement of this sheet, divided by the displacement of a thin sheet without bar torsion."""
 
     case: str
     compliance: float
@@ -283,20 +283,20 @@ class FrameAgreement:
 
     @property
     def summary(self) -> str:
-        """Sentence on the agreement."""
+        """Sentence that compares the beams with the sheet."""
         sentence = (
-            f"beams against the sheet, {self.case}: {self.compliance:.2f} of its compliance, {self.displacement:.2f} "
-            "of its largest displacement"
+            f"beams against the sheet, {self.case}: {self.compliance:.2f} times the sheet's compliance, "
+            f"{self.displacement:.2f} times its largest displacement"
         )
         if self.twist > 1.02:
             sentence += f", which is {self.twist:.2f} times that of a thin sheet, because ribs twist as bars"
         if abs(self.compliance - 1) <= 0.1 and abs(self.displacement - 1) <= 0.1:
             return sentence
         where = (
-            f"{self.stout:.0%} of the energy is in discs, links, bays wider than {STOUT:g} of their length and at "
-            "grazing members"
+            f"{self.stout:.0%} of the energy is in discs, links, bays wider than {STOUT:g} of their length and bays "
+            "of members that only touch"
         )
-        why = "although its bays are slender" if self.slender else f"{where}, where beams are a rough model"
+        why = "although the bays are slender" if self.slender else f"{where}, where beams are a rough model"
         return f"{sentence}: {why}; take displacements from the sheet"
 
 

@@ -1,4 +1,4 @@
-"""The decisions of a proposal, and `Proposal`, which contains a preset for `dsfab build`."""
+"""Decisions that explain a proposed preset, and `Proposal`, which contains the preset for `dsfab build`."""
 
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -25,7 +25,7 @@ from dsfab.preset.proposal.text import SHARE, ProposedValues, place_words, propo
 from dsfab.surface import RawMesh, Surface
 
 OWN = "roof"  # Shipped preset without a surface; with `--mesh`, dsfab proposes a preset instead.
-LISTED = 4  # Largest number of supports that a decision lists by name.
+LISTED = 4  # Largest number of supports that are listed by name in the decision about supports.
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Proposal:
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
-        """Decisions in the order of the preset."""
+        """Decisions of dsfab about this preset, in the order of the preset's tables."""
         return (*self.given.decisions, *_decisions(self))
 
     @cached_property
@@ -146,13 +146,13 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     loads = load_words(surface, plan.loads) + model
     yield Decision("carries", loads, "surface.load, or --load snow, wind, people, none")
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
-    material = f"{size.material}, of a thickness that sizing chooses; first guess {length(size.thickness)}{over}"
+    material = f"{size.material}; sizing chooses the thickness; first guess {length(size.thickness)}{over}"
     yield Decision("made of", material, "statics.material, statics.thickness")
     across = f", about {round(size.span / size.spacing)} across" if not figure and _fills(surface, size) else ""
     members = f"members every {length(size.spacing)}{across}, along the stress"
     yield Decision("pattern", members, "pattern.major.spacing, pattern.minor.spacing")
     rim = f", a rim of {length(size.rim)} along free edges" if surface.loops else ""
-    widths = f"even, {SHARE:.0%} of the surface is material{rim}"
+    widths = f"all members equally wide; {SHARE:.0%} of the surface is material{rim}"
     yield Decision("widths", widths, "pattern.width.solid_fraction, pattern.rim")
     yield Decision("files", "STL, 3MF, and STEP if it takes little time", "export.formats, export.step")
 
@@ -166,7 +166,7 @@ def _stands(proposal: Proposal) -> Decision:
     topic = "hangs from" if winner.reading.kind == "hung" else "stands on"
     free = "; other edges and openings are free" if any(place.length for place in stands) else ", its lowest part"
     built_in = "; built in, so that it cannot turn there" if proposal.plan.built_in else ""
-    tips = "; its middle lies beside them, so the ground must also hold it down" if winner.tips else ""
+    tips = "; its centre lies outside of the supports, which must also hold it down" if winner.tips else ""
     alternatives = [candidate.reading.word for candidate in proposal.given.choice.runners_up]
     flag = f", or --stand {', '.join(alternatives)}" if alternatives else ""
     return Decision(topic, where + free + built_in + tips, "surface.support" + flag)
@@ -184,7 +184,7 @@ def _questions(proposal: Proposal) -> Iterator[str]:
     for rival in choice.rivals:
         if rival.up != winner.up:
             words = f"does the axis {winner.up} of {mesh.name} point to the sky, or {rival.up}?"
-            yield f"{words} {winner.up} is taken; if that is wrong, add --up {rival.up}"
+            yield f"{words} dsfab uses {winner.up}; if that is wrong, add --up {rival.up}"
         else:
             names = [place_words(candidate.reading.places) for candidate in (winner, rival)]
             yield (
@@ -216,7 +216,7 @@ def _unsupported_pieces(surface: Surface, stands: tuple[SupportPlace, ...]) -> I
     x, y, z = (np.round(areas @ surface.centroids[first_piece] / areas.sum(), 2) + 0.0).tolist()
     stand = f"{len(free)} of {count} pieces {'stand' if len(free) > 1 else 'stands'} on nothing"
     which = f"{'the first' if len(free) > 1 else 'it'} is around ({x:g}, {y:g}, {z:g}) m"
-    yield Decision("pieces", f"{stand}, which cannot be built: join them in the file, or support each; {which}")
+    yield Decision("pieces", f"{stand}, which cannot be built: join the pieces in the file, or support each; {which}")
 
 
 def _mesh(surface: Surface, size: Sizes) -> Decision:
@@ -224,5 +224,5 @@ def _mesh(surface: Surface, size: Sizes) -> Decision:
     if not size.edge:
         return Decision("mesh", f"unchanged, with edges of {mean}", "surface.edge")
     smooth = ", on the smooth surface through its vertices" if size.coarse else ""
-    words = f"new, with edges of {length(size.edge)} (in the file {mean}){smooth}; creases stay"
+    words = f"new mesh with edges of {length(size.edge)} ({mean} in the file){smooth}; creases stay"
     return Decision("mesh", words, "surface.edge, surface.smooth")

@@ -3,8 +3,8 @@
 Score of a reading = form x carries x steady x free. Pieces without a support and unusual axes reduce the score, too.
 
 form    : 0 to 1, from the shape alone (see `readings`).
-carries : 1 / (1 + u^2). u is the larger of two ratios under the weight and the usual load: movement to `LIMIT` times
-          the span, and stress to strength.
+carries : 1 / (1 + u^2) under the weight and the usual load. u is the larger of two ratios: movement divided by
+          (`LIMIT` x span), and stress divided by strength.
 steady  : 1 if the centre of mass is well inside the supports; less if the sheet would tip, or lift from a support.
 free    : 1 if no edge is supported, 1 - `EDGE` if all edges are."""
 
@@ -37,18 +37,18 @@ LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}
 """Usual load by kind, Pa: snow, services, people, wind."""
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
-EDGE = 0.5  # Fraction of the score that a reading loses if all edges are supported.
+EDGE = 0.5  # Fraction of its score that a way of support loses if all edges of the sheet are supported.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that do not name it.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of its logarithm.
-LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible reading, and of one without doubt.
-CLOSE = 0.75  # dsfab asks the user if a score is at least this share of the best score.
-OPEN = 0.13  # dsfab asks the user if the second unit has at least this probability.
+LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible reading, and smallest score of a reading without doubt.
+CLOSE = 0.75  # dsfab asks about another way of support if its score is at least this share of the best score.
+OPEN = 0.13  # dsfab asks about the unit if the second most probable unit has at least this probability.
 UNDER = 0.7  # Factor on the scores of surfaces that reach below the ground (z = 0).
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedReading:
-    """A way of support (reading) with its score, and the values that give the score."""
+    """A way to support a surface (a reading of its shape), with its score and the values that give the score."""
 
     reading: SupportReading
     score: float
@@ -63,7 +63,7 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return a reading with its score; 0 if the sheet could move freely. usual : score factor of its vertical axis."""
+    """Return a way of support with its score; 0 if the sheet could move freely. usual : factor of `up` on the score."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -84,7 +84,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
         return JudgedReading(reading, 0.0, up)
     span = 2 * float(np.max(cKDTree(surface.V[supported]).query(surface.V)[0]))
     if reading.kind in ("roof", "hung"):
-        span = min(span, 2 * shape.width)  # a very long span does not allow more movement
+        span = min(span, 2 * shape.width)  # the movement that is allowed for a span does not grow beyond this span
     moved = float(np.quantile(lengths(answer.u), 0.99))
     stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
     used = max(moved / (LIMIT * span), stress / STRENGTH)
@@ -180,7 +180,7 @@ class SupportChoice:
         return self.ranking[0]
 
     def require_plausible(self) -> None:
-        """Raise PresetError if no reading is plausible; the message lists the four best readings."""
+        """Raise PresetError if no way of support is plausible; the message lists the four best ways of support."""
         if self.best.score < LEAST:
             tried = "; ".join(
                 f"{candidate.reading.word} ({candidate.up} up): {_flaw(candidate)}" for candidate in self.ranking[:4]
@@ -192,14 +192,14 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two readings with nearly the best score. Another vertical axis gives only its best reading."""
+        """At most two readings with nearly the best score. Of each other vertical axis, only the best counts."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]
 
     @property
     def runners_up(self) -> list[JudgedReading]:
-        """At most three plausible readings with the same vertical axis as the best reading."""
+        """At most three plausible ways of support with the same vertical axis as the best way, without the best way."""
         return [rival for rival in self.ranking[1:] if rival.up == self.best.up and rival.score > LEAST][:3]
 
     @property
@@ -236,8 +236,8 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
-    """Return readings with their scores, the best first. Readings with a low form are left out, because statics can
-    only reduce their score."""
+    """Return ways of support with their scores, the best first. A score is at most `SupportReading.form`, so ways with
+    a low `form` are left out."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form
@@ -271,10 +271,10 @@ def _no_word(stand: str, candidates: Sequence[SupportReading]) -> str:
 
 def _flaw(candidate: JudgedReading) -> str:
     if not candidate.figures:
-        return "it would move without resistance"
+        return "the surface would move without resistance"
     flaws = {
-        f"it uses {candidate.figures['used']:.2g} times what is allowed": candidate.figures["used"] - 1,
+        f"its displacement or stress is {candidate.figures['used']:.2g} x the limit": candidate.figures["used"] - 1,
         "it would tip": 0.5 - candidate.figures["steady"],
-        "its shape does not show this": 0.3 - candidate.figures["form"],
+        "the shape of the surface does not suggest these supports": 0.3 - candidate.figures["form"],
     }
     return max(flaws, key=lambda words: flaws[words])

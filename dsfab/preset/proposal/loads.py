@@ -1,4 +1,4 @@
-"""Loads of a proposal by the kind of surface. All values are placeholders: the local standard must replace them."""
+"""Loads of a proposed preset, such as snow. All values are placeholders: the local standard must replace them."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -15,18 +15,18 @@ USUAL_LOAD = {"roof": "snow", "hung": "services", "floor": "people", "wall": "wi
 """Load of a surface besides its weight, by kind."""
 LINE_OF_COMMENT = {
     "snow": "Pa on the ground: a placeholder for the value of your code [EN 1991-1-3]",
-    "people": "Pa on the plan, people in crowds: a placeholder [EN 1991-1-1, table 6.2, category C5]",
-    "services": "Pa on the plan, lights and pipes: a placeholder for what hangs from it",
+    "people": "Pa on the plan area: a placeholder for crowds of people [EN 1991-1-1, table 6.2, category C5]",
+    "services": "Pa on the plan area: a placeholder for lights and pipes that hang from the surface",
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
 PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Placeholders, Pa.
-AROUND = 0.3  # Towers: largest horizontal sum of normals times areas, divided by the area.
+AROUND = 0.3  # A surface is a tower if the horizontal part of its area vector is below this fraction of its area.
 
 
 @dataclass(frozen=True)
 class MeshWishes:
     """The user's choices for a surface, which replace dsfab's own choices.
-    stand    : name of a way of support (feet, edge ...), a height (m) below which the edge is supported, or "".
+    stand    : value of --stand: a way of support (feet, edge ...), a height (m) up to which edges are supported, or "".
     built_in : True if the supports are clamped.
     loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2".
     only     : names of the parts of the mesh file that form the surface; all parts by default."""
@@ -73,10 +73,10 @@ def _positive(text: str) -> float:
 
 
 def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
-    """Return the loads as text: 'its own weight and snow of 1 kPa on the ground, by its slope [EN 1991-1-3, 5.3]'."""
+    """Return the loads as text: 'its own weight and people of 5 kPa on the plan area [EN 1991-1-1, table 6.2] ...'."""
     places = {
-        "snow": f"on the ground{' above its top' if snow_picker(surface) else ''}, by its slope [EN 1991-1-3, 5.3]",
-        "people": "on the plan [EN 1991-1-1, table 6.2]",
+        "snow": f"on the ground{' above its top' if snow_picker(surface) else ''}, less on slopes [EN 1991-1-3, 5.3]",
+        "people": "on the plan area [EN 1991-1-1, table 6.2]",
         "services": "on the plan",
         "wind": "from both sides [EN 1991-1-4, 7.4]",
     }
@@ -86,7 +86,7 @@ def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
 
 
 def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[list[str]]:
-    """Yield the tables of loads for a preset, each as lines. Wind from two sides gives two cases with the weight."""
+    """Yield the tables of loads for a preset, each as lines. Wind gives two load cases, each with the own weight."""
     cases = ["wind", "wind_back"] if "wind" in pressures else []
     if len(pressures) > 1 or not cases:
         yield ["[[surface.load]]", 'kind = "self_weight"']
@@ -121,8 +121,8 @@ def toml_line(key: str, value: object, note: str = "") -> str:
 
 
 def snow_picker(surface: Surface) -> str:
-    """Return the picker for snow; '' for a roof. For a surface that overlaps itself in plan, like a ball, it selects
-    the top. The normals may point inwards or outwards."""
+    """Return the picker for snow. For a roof it is '': snow lies on the whole surface. For a surface that overlaps
+    itself in plan, like a ball, the picker selects the top. The normals may point inwards or outwards."""
     upward = surface.normals[:, 2] * surface.areas
     if np.abs(upward).sum() < 1.2 * abs(upward.sum()) or one_sided_pieces(surface.F, surface.edges).any():
         return ""

@@ -43,7 +43,7 @@ GROUND = 1e-3  # Largest depth below the ground that counts as zero, divided by 
 
 
 def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) -> dict[Up, float]:
-    """Return the possible vertical axes of a surface, each with a factor on its scores (see `choice`).
+    """Return the possible vertical axes of a surface, each with a factor for the scores of supports (see `choice`).
     suffix : suffix of the file, with the dot.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
     The axis -y is possible only if the surface reaches below y = 0. A sculpture gets only its most stable axis."""
@@ -72,7 +72,7 @@ def _standing(V: Floats, surface: Surface) -> float:
 
 def _stability(V: Floats, surface: Surface) -> float:
     """Return the distance from the centre of mass to the edge of the base, divided by the root of the surface's area.
-    It is limited to -0.2 (the sculpture falls over) and 0.4.
+    The result is at least -0.2 (the sculpture falls over) and at most 0.4.
     V : (n, 3) vertices with z up."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
@@ -164,7 +164,7 @@ def mesh_in_file(
         keys["origin"] = list(origin)
         surface = Surface(surface.V - origin, surface.F)
         where = f"{coordinates(origin)} m of the file"
-        why = "it lies so far away that other programs have too few digits; move what is written back by that"
+        why = "it lies so far from the origin that other programs round it; move output files back by this vector"
         decisions.append(Decision("origin", f"{where}: {why}", "surface.origin"))
     places = _places(surface, chosen, np.array(origin))
     repaired = file_surface.record.repaired
@@ -189,7 +189,7 @@ def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFi
 
 
 def _places(surface: Surface, chosen: SupportChoice, origin: Floats) -> tuple[SupportPlace, ...]:
-    """Return the chosen supports in coordinates from `origin`; for a closed surface they are parts of its own mesh."""
+    """Return the chosen supports in coordinates from `origin`; for a closed surface, the lowest parts of `surface`."""
     reading = chosen.best.reading
     return soles(surface) if reading.word == "sole" else tuple(place.with_offset(origin) for place in reading.places)
 
@@ -226,11 +226,11 @@ def _with_z_up(surface: Surface, chosen: SupportChoice, option: Up | None) -> tu
     if option is not None:
         return turned, Decision("up", f"{up}, as you say", change)
     if up != "z":
-        lies = f"with z up it would lie on its side or back; {up} is taken for the vertical axis"
+        lies = f"{up}; with z up, the surface would lie on its side or back"
         return turned, Decision("up", lies, change)
     low, _, high = np.sort(np.ptp(turned.V, axis=0))
     stands = np.ptp(turned.V[:, 2]) == high and high > 1.5 * low
-    words = f"z; it stands upright, {length(high)} high: if it should lie, another axis is up" if stands else "z"
+    words = f"z; the surface stands upright, {length(high)} high; to lay it down, change the axis" if stands else "z"
     return turned, Decision("up", words, change)
 
 
@@ -246,7 +246,7 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
     """Return a question about the unit if the sides (m) of the bounding box are unusual, else ''."""
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
-    doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than what is built; is that the file's unit?"
+    doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than usual structures; is that the file's unit?"
     return f" ({'; '.join([doubt, *sizes_in_other_units(sides, unit, USUAL)])})"
 
 

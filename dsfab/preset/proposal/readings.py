@@ -11,11 +11,11 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock, point_tuple
 from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, is_scalloped
 from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
-DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `form` of supports: shown by the shape, usual, any.
-RARER = 0.8  # Factor on `form` for hanging surfaces and for walls: most surfaces are roofs.
-LEFT = 0.7  # Factor on `form` if necks or hollows have no support.
+DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `form` of supports that the shape shows, that are usual, or anywhere.
+RARER = 0.8  # Factor on `SupportReading.form` for hanging surfaces and for walls: most surfaces are roofs.
+LEFT = 0.7  # Factor on `SupportReading.form` if necks or hollows of the shape have no support.
 SAG = 0.15  # Smallest sag of a hanging roof, divided by its height.
-WALLS = 0.8  # Smallest `_edge_form` of an outer edge on walls, if there are also columns.
+WALLS = 0.8  # An outer edge is level and low enough to stand on walls if its `_edge_form` is above this.
 APART = 12.0  # Largest distance between posts along a strip, metres.
 FRAGMENT = 0.1  # Smallest size of a support, divided by the size of the largest support.
 LOWEST_SILL = 0.005  # Smallest height of a window above the base, divided by the wall's height.
@@ -64,7 +64,7 @@ class SupportPlace:
 @dataclass(frozen=True, eq=False)
 class SupportReading:
     """A way in which a shape may be supported.
-    word : its name for `--stand`.    form : 0 to 1, how clearly the shape shows these supports."""
+    word : its name for `--stand`.    form : score from 0 to 1: how clearly the shape suggests these supports."""
 
     word: str
     kind: Kind
@@ -77,13 +77,13 @@ class SupportReading:
 
 
 def readings(shape: Shape) -> list[SupportReading]:
-    """Return all ways of support of a shape with edges, sorted by `form`, the highest first."""
+    """Return all ways to support a shape that has edges; those with the highest score `form` come first."""
     candidates = [_of_what_it_leaves(shape, reading) for read in READINGS for reading in read(shape) if reading.places]
     return sorted((reading for reading in candidates if reading.form > 0.02), key=lambda reading: -reading.form)
 
 
 def distinct_readings(shape: Shape) -> list[SupportReading]:
-    """Return the ways of support of a shape. If two have nearly equal supports, omit that with the lower `form`."""
+    """Return the ways to support a shape. Of two ways with nearly equal supports, the higher score `form` stays."""
     distinct = list[tuple[SupportReading, Bools]]()
     for reading in readings(shape):
         supported = reading.vertices(shape.surface)
@@ -94,7 +94,7 @@ def distinct_readings(shape: Shape) -> list[SupportReading]:
 
 
 def _of_what_it_leaves(shape: Shape, reading: SupportReading) -> SupportReading:
-    """Return the reading, with a lower `form` if necks, or hollows of a roof, have no support."""
+    """Return the way of support; its score `form` is lower if necks, or hollows of a roof, have no support."""
     free = len(shape.heads) * (reading.word not in ("loops", "walls")) + len(shape.lugs) * (reading.word != "hung")
     ponds = len(shape.inner_hollows) > 0 and not shape.heads and reading.kind == "roof"
     ponds = ponds and reading.word not in ("hollows", "columns")
@@ -115,7 +115,7 @@ def _roof(shape: Shape) -> float:
 
 
 def numbered_places(name: str, places: Sequence[SupportPlace]) -> tuple[SupportPlace, ...]:
-    """Return the places with a name, and with numbers if there are several."""
+    """Return the places, named "name 1", "name 2" ...; a single place has the name without a number."""
     several = len(places) > 1
     return tuple(replace(place, name=f"{name} {k}" if several else name) for k, place in enumerate(places, 1))
 
@@ -143,7 +143,7 @@ def _column_heads(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _edge_form(shape: Shape) -> float:
-    """Return 1 if the outer edge is level and low in the sheet, as on walls; else less."""
+    """Return 1 if the outer edge is level and not above the centre of mass, as an edge on walls; else less."""
     return _mean([edge.levelness * shape.lowness(edge) for edge in shape.outer])
 
 
@@ -158,7 +158,7 @@ def _walls(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _masts(shape: Shape) -> list[Edge]:
-    """Return the small upper edges of a tent with an outer edge that curves inwards; none for other shapes."""
+    """Return the edges around the masts of a tent; none for other shapes. A tent's outer edge curves inwards."""
     is_tent = 3 <= len(shape.corners) <= 8 and is_scalloped(shape.edges[0], shape.corners)
     return [edge for edge in shape.small if is_tent and shape.neck(edge)[2] < -2 * NECK]
 
@@ -225,7 +225,7 @@ def _pairs(shape: Shape) -> tuple[list[Edge], list[Edge]]:
 
 
 def _hangs_between(shape: Shape, two: Sequence[Edge], crossing: Sequence[Edge]) -> bool:
-    """Return True if the sheet sags between the sides `two`; the middle half of the sides `crossing` must sag, too."""
+    """Return True if the sheet sags between two opposite sides. The other sides must sag, too, in their middle half."""
     if not two:
         return False
     low = min(float(side.z.min()) for side in two)
@@ -252,7 +252,7 @@ def _sides(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _corners(shape: Shape) -> Iterator[SupportReading]:
-    """Yield supports at the corners. Their height may be any, as for a sail. Yield none if all corners are feet."""
+    """Yield supports at the corners, at any height, as for a sail. Yield none if all corners are feet."""
     edge, corners = shape.edges[0], shape.corners
     if not 3 <= len(corners) <= 8:
         return

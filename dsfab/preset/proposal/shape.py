@@ -17,10 +17,10 @@ STEPS = 400  # Number of equal steps along a closed edge.
 SLOPE = 0.25  # Slope (14 degrees) at which `levelness` is 1/2.
 CORNER = 40.0  # Smallest change of an edge's direction at a corner, degrees.
 DEPTH, RISE = 0.15, 0.05
-"""Smallest rise of an edge between feet, and largest rise within a foot, divided by the height of the surface."""
+"""Smallest depth of a foot (low part of an edge), and largest rise within a foot, divided by the surface's height."""
 SMALL = 0.15  # Largest length of a small edge, divided by that of the longest edge.
 STRIP = 3.0  # Smallest ratio of long to short sides of a strip, such as a footbridge.
-NECK = 0.2  # Smallest vertical component of `Shape.neck` at a column head or a lug.
+NECK = 0.2  # Smallest vertical component of `Shape.neck` for a column head (up) or a hanging point (down).
 LUG = 2.0  # Smallest height of a lug, divided by its radius.
 HEAD = 2.2  # Height that people need, metres.
 
@@ -105,7 +105,7 @@ class Edge:
 
     @cached_property
     def straight_levelness(self) -> float:
-        """Levelness of a side on a wall or a beam: only its rise divided by its length counts."""
+        """Levelness of an edge on a straight wall or beam, from its rise divided by its length alone."""
         return float(1 / (1 + (np.ptp(self.z) / max(self.length, 1e-12) / SLOPE) ** 2))
 
     def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
@@ -119,7 +119,7 @@ class Edge:
                 continue
             profiles = [np.maximum.accumulate(np.roll(z, -top)[::sign][: n // 2 - 1]) for sign in (1, -1)]
             least = np.sort(np.concatenate(profiles))[min(int(np.ceil(shortest / step)), n - 3)]
-            level = max(z[top] + RISE * height, least) + 1e-4 * height  # 1e-4: equal heights on both sides count
+            level = max(z[top] + RISE * height, least) + 1e-4 * height  # 1e-4: points of equal height are all included
             after, before = (int((profile <= level).sum()) for profile in profiles)
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
@@ -151,7 +151,7 @@ class Edge:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A coarse surface in metres with z up, and what it shows of possible supports."""
+    """A coarse surface in metres with z up, and its features that suggest supports."""
 
     surface: Surface
 
@@ -209,7 +209,7 @@ class Shape:
 
     @cached_property
     def sides(self) -> list[Edge]:
-        """The four sides of a surface with four corners; the first and the third are the short ones. Else empty."""
+        """The four sides of a surface with four corners, the shorter sides first and third; else []."""
         if len(self.corners) != 4:
             return []
         c = self.corners
@@ -224,7 +224,7 @@ class Shape:
         return long / ends if self.sides else 0.0
 
     def neck(self, edge: Edge) -> Floats:
-        """Return the mean direction (3,) from an edge into the sheet: up at a column head, down at a lug."""
+        """Return the mean direction (3,) from an edge into the sheet: up at a column head, down at a hanging point."""
         V, F = self.surface.V, self.surface.F
         is_on = np.isin(F, self.surface.loops[edge.loop])
         faces = is_on.sum(axis=1) == 2
@@ -266,11 +266,11 @@ class Shape:
 
     @cached_property
     def inner_hollows(self) -> Ints:
-        """Hollows (k,) that are not on an edge."""
+        """Hollows (k,) of the sheet that are not on an edge; see `hollows`."""
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:
-        """Return the vertices (k, 3) that are nearest in plan to points (j, 2), without points beside the sheet."""
+        """Return the vertices (k, 3) nearest in plan to points (j, 2), without points outside the sheet in plan."""
         away, vertex = (np.atleast_1d(values) for values in cKDTree(self.surface.V[:, :2]).query(plan))
         return np.asarray(self.surface.V[vertex[away < 0.05 * self.width]])
 
@@ -285,7 +285,7 @@ class Shape:
 
     @cached_property
     def heads(self) -> list[Edge]:
-        """Column heads: small edges from which the sheet rises. At openings, it does not rise."""
+        """Column heads: small edges from which the sheet rises. It does not rise from the edge of an opening."""
         return [edge for edge in self.small if self.neck(edge)[2] > NECK]
 
     @cached_property

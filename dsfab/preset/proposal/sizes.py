@@ -18,7 +18,7 @@ STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
 """Smallest ratio of the span to the shorter side of the plan for which the span governs the thickness. A square roof on
 its corners has a ratio of 1.41."""
-THICKEST = 1 / 5  # Largest thickness for a long span, divided by the spacing.
+THICKEST = 1 / 5  # Largest thickness of a surface with a long span, divided by the spacing of its members.
 MODEL = 3.0  # Surfaces smaller than this (m) count as printed models.
 
 
@@ -27,7 +27,7 @@ class Sizes:
     """Proposed lengths in metres.
     edge    : edge length of the mesh; 0 if the user's mesh does not change.
     own     : mean edge length of the user's mesh.
-    span    : shorter side of the plan (see `shorter_side`), or the far smaller span of a roof.
+    span    : shorter side of the plan (see `shorter_side`), or the span of a roof if it is far smaller than this side.
     bridged : span between the supports if it is far longer than the shorter side of the plan, else 0."""
 
     span: float
@@ -53,8 +53,8 @@ class Sizes:
 
         The span is twice the distance in plan from the feet to the farthest vertex. If the span of a roof is far
         smaller than the shorter side, as around a courtyard, all sizes follow from the span. If the span is far larger,
-        the spacing is larger. The thickness is then 1.1 times that for the geometric mean of span and side, because
-        clamped ends bend most."""
+        the spacing is larger. The thickness is then 1.1 times the thickness for the geometric mean of span and side,
+        because bending is largest at clamped ends."""
         if is_figure(surface) or not feet:
             return self
         distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])

@@ -60,14 +60,14 @@ def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, 
         _widths(),
         [
             "[slicing]",
-            toml_line("snap", 0.01, "share of an edge by which cuts move to a vertex; a small one keeps halves alike"),
+            toml_line("snap", 0.01, "share of an edge by which cuts move to a vertex; a small share keeps symmetry"),
             toml_line("improve", True, "fewer and better triangles, for finite elements and CAD"),
         ],
         *_thickening(surface),
         ["[sizing]", toml_line("first", size.thickness, "m; first guess of the thickness")],
         [
             "[export]",
-            toml_line("step", "quick", "STEP only if it takes little time; auto tries more ways, for minutes"),
+            toml_line("step", "quick", "STEP only if it takes little time; auto tries more kinds of STEP, for minutes"),
             toml_line("step_faces", 12_000, "STEP files with more planar faces are slow in CAD; the default is 30000"),
         ],
     )
@@ -118,7 +118,7 @@ def _toml(value: Any) -> str:
 def _statics(plan: ProposedValues) -> Iterator[str]:
     yield "[statics]"
     yield toml_line("material", plan.size.material, "`dsfab materials` lists all materials")
-    yield toml_line("thickness", "auto", "the thinnest that meets the targets of [sizing]; or metres")
+    yield toml_line("thickness", "auto", "auto: the smallest that meets the targets of [sizing]; or metres")
     if plan.built_in:
         yield toml_line("bending", "midedge", "elements with rotations, which built-in edges need")
 
@@ -150,7 +150,7 @@ def _widths() -> Iterator[str]:
 
 def _thickening(surface: Surface) -> Iterator[list[str]]:
     if is_figure(surface):  # the surface of a sculpture bends sharply
-        yield ["[thickening]", toml_line("thinnest", 0.05, "least share of the thickness at sharp bends")]
+        yield ["[thickening]", toml_line("thinnest", 0.05, "at sharp bends, this share of the thickness must stay")]
 
 
 def _description(surface: Surface, plan: ProposedValues) -> str:

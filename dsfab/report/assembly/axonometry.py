@@ -54,7 +54,7 @@ class MemberFaces:
 
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all bars and plates; for a plan without bars, the faces of all its members except fills.
+    """Return the faces of all bars and plates; for a plan without bars, of all members except filled openings.
     A strip is drawn in its uppermost layer, a plank as two sides and an upper edge, a plate as one side."""
     assert plan.graph is not None
     if plan.bars:

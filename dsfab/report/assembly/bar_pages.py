@@ -16,9 +16,9 @@ from dsfab.workshop import BAR_CLEARANCE, FlatPart, PlateArm, WorkshopPlan, bar_
 ROWS, COLUMNS = 58, 2  # Rows and columns of bars on a page.
 
 BAR_RULE = (
-    "Assemble the bars from the supports upwards, in the order of the heights of their middles. On the ground, bolt "
-    "each plate beneath the first of its bars, on the arm with the name of this bar. Prop every bar that nothing holds "
-    "yet, until its neighbours are bolted."
+    "Assemble the bars from the supports upwards, in the order of the heights of their middles. Before you lift the "
+    "first bar of a plate, bolt the plate beneath this bar, by the arm with the bar's name. Prop every bar that "
+    "nothing holds yet, until its neighbours are bolted."
 )
 """Rule for the order of `bar_steps`, printed for the builders."""
 BARS_UNCHECKED = (
@@ -172,8 +172,8 @@ def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
             paper.text((x + place, y), words, 8, side="right")
     note = (
         "Millimetres from the middle of the hole at the node; degrees from the first arm, counter-clockwise. Fold at "
-        "the lines FOLD, away from you where the angle is positive. The lines hold for a sharp fold of the middle of "
-        "the sheet, so allow for the radius of your tool. The number engraved on each arm is its fold."
+        "the lines FOLD, away from you where the angle is positive. The lines are placed for a sharp fold at half the "
+        "thickness, so allow for the radius of your tool. The number engraved on each arm is its fold."
     )
     for k, line in enumerate(paper.wrapped_lines(note, box.wide, 7.5)):
         paper.text((x, y - 8 - 3.4 * k), line, 7.5, QUIET)

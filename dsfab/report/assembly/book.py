@@ -44,7 +44,7 @@ LAYERS_UNCHECKED = (
 
 
 def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
-    """Return the whole book as a PDF; the same plan gives the same bytes."""
+    """Return the file `assembly.pdf`; the same plan gives the same bytes."""
     from reportlab.pdfgen.canvas import Canvas
 
     name, file = design.preset.name, io.BytesIO()
@@ -136,7 +136,7 @@ def _key_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
 
 
 PLANKS_UNCHECKED = (
-    "the statics of halved planks, splices and glue: dsfab judged the design as one sheet, with members in this sheet",
+    "the statics of halved planks, splices and glue: dsfab judged one continuous sheet, not upright planks",
     "the statics of unfinished stages; props and scaffolding",
     "inner corners of slots: a round cutter leaves its radius there; cut the corners square by hand, or over-cut them",
     "the twist of planks: its stress, and how planks spring back",
@@ -174,5 +174,5 @@ def _header_and_footer(paper: Paper, name: str, title: str, number: str) -> None
     paper.text((MARGIN + paper.width(name, 15, bold=True) + 6, top), title, 15, QUIET)
     paper.polylines([np.array([[MARGIN, top - 4], [right, top - 4]])], INK, 0.8)
     paper.polylines([np.array([[MARGIN, 10.5], [right, 10.5]])], HAIR, 0.5)
-    paper.text((MARGIN, 6.5), f"dsfab {__version__} · seen from where normals point to · A3", 7.5, QUIET)
+    paper.text((MARGIN, 6.5), f"dsfab {__version__} · seen from the side to which normals point · A3", 7.5, QUIET)
     paper.text((right, 6.5), number, 7.5, QUIET, "right")

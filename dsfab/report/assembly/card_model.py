@@ -11,9 +11,9 @@ from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, DrawingTransform
 from dsfab.workshop import FlatPart, WorkshopPlan
 
 MODEL_UNCHECKED = (
-    "whether the model stands without its glue; card is not the material of the structure",
-    "how wide your laser cuts: slots are 0.2 mm wider than tabs, so first cut one slot and one tab as a trial",
-    "the grain of the card: long strips bend more evenly along the grain",
+    "stability of the model without glue; dsfab judged the material of the structure, not card",
+    "width of your laser's cut: slots are 0.2 mm wider than tabs, so first cut one slot and one tab as a trial",
+    "grain of the model's card: long strips bend more evenly along the grain",
     "members of one layer that overlap, as at a crown: trim them with a knife",
 )
 """Risks of a card model that dsfab does not check, for the last page of the book."""
@@ -31,16 +31,16 @@ PANEL_STEPS = (
     ),
     (
         "Then from the edges",
-        "Start with edges and kept material around supports and loads, then family A. Glue the panels of a member end "
-        "to end, the tab of one beneath the next. Then put family B between these members: its panels end at short "
-        "marks on their edges, with tabs beneath them. Put a drop of glue on each tab.",
+        "Build edges and kept material around supports and loads first, then family A. Glue the panels of a member end "
+        "to end, with the tab of each panel beneath the next panel. Then put family B between these members: its "
+        "panels end at short marks on their edges, with tabs beneath them. Put a drop of glue on each tab.",
     ),
     ("Plates", "Glue each plate beneath the members that end there, at the middle of their ends."),
 )
 """Steps for a model of panels, after cutting: title and instruction."""
 
 TEXT_WIDTH = 150.0  # Width of the text, mm; the drawing of the base plate is beside it.
-FAMILY_WORDS = {"major": "A", "minor": "B", "rim": "rim", "keep": "what is kept around supports and loads (ring, band)"}
+FAMILY_WORDS = {"major": "A", "minor": "B", "rim": "rim", "keep": "kept material at supports and loads (ring, band)"}
 
 
 def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
@@ -106,12 +106,12 @@ def _model_steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
     yield ("Bend", "Pull strips over the edge of a table, engraved face up, until they stay curved about as needed.")
     yield (
         "Splice",
-        "Glue the pieces of a strip end to end with their covers across: covers of A outside, all others inside.",
+        "Glue the pieces of a strip end to end. Glue a cover across each splice: outside for family A, else inside.",
     )
     names = {part.member for part in plan.parts if part.member}
     yield (
         "Build from the base",
-        f"{_layer_order(plan, names)} Put tabs into the slots with their names. At each node put glue between "
+        f"{_layer_order(plan, names)} Put each tab into the slot that bears its name. At each node put glue between "
         f"strips, and push a {pins} pin through both holes.{_packing_words(plan)} Pull the pins when the glue is dry.",
     )
 
@@ -124,7 +124,7 @@ def _layer_order(plan: WorkshopPlan, names: set[str]) -> str:
     ordered = sorted(families, key=lambda family: -layering.family_layers(family)[-1])
     shown = ", then ".join(FAMILY_WORDS.get(family, family) for family in ordered)
     plates = sorted(part.id for part in plan.parts if part.member and not len(part.axis))
-    below = f"Plates ({', '.join(plates[:4])}{', ...' if len(plates) > 4 else ''}) go inside of all. " if plates else ""
+    below = f"Plates ({', '.join(plates[:4])}{', ...' if len(plates) > 4 else ''}) are innermost. " if plates else ""
     return f"Layers from the inside: {shown}. {below}"
 
 

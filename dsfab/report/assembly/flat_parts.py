@@ -19,7 +19,7 @@ PartsPage = tuple[str, Callable[[Paper], None]]
 
 
 def sheet_figures(plan: WorkshopPlan, name: str = "Sheets") -> list[tuple[str, str]]:
-    """Return number and size of the sheets, the share of them that parts fill, and their price if the plan knows it."""
+    """Return number and size of the sheets, the share of their area that parts fill, and their price if it is known."""
     cost = stock_cost(plan.sheets)
     priced = [("Price of the sheets", money(cost))] if cost else []
     return [(name, f"{stock_words(plan.sheets)}, {plan.used_share:.0%} used"), *priced]
@@ -38,7 +38,7 @@ def cut_list_pages(plan: WorkshopPlan) -> list[PartsPage]:
 
 def _part_count(plan: WorkshopPlan) -> str:
     mm = sorted({MM_PER_M * plan.part_thickness(part) for part in plan.parts}, reverse=True)
-    return f"{len(plan.parts)} parts of {' and '.join(f'{x:g}' for x in mm)} mm, {len(plan.equal_parts)} different"
+    return f"{len(plan.parts)} parts of {' and '.join(f'{x:g}' for x in mm)} mm in {len(plan.equal_parts)} shapes"
 
 
 def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Callable[[Paper], None]:
@@ -73,7 +73,7 @@ def _outline(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
 
 
 def nest_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages with all sheets at one usual scale; each part has its name."""
+    """Return pages that show all sheets at the same scale, with the name of each part."""
     wide = max(sheet.size[0] for sheet in plan.sheets)
     high = max(sheet.size[1] for sheet in plan.sheets)
     legible = LEGIBLE_MODEL if plan.model else LEGIBLE
@@ -148,8 +148,8 @@ def table_pages(
     places: Sequence[float],
     note: str,
 ) -> list[PartsPage]:
-    """Return pages of a table whose first column is bold. size : rows on a page, and sets of columns side by side.
-    places : places of the columns, mm. Words at places below 50 are flush left, all other words flush right."""
+    """Return pages of a table whose first column is bold. size : rows on a page, and number of tables side by side.
+    places : distances of the columns from the table's left edge, mm. Columns from 50 mm on are flush right."""
     down, columns = size
 
     def draw(paper: Paper, page_rows: Sequence[Sequence[str]]) -> None:
@@ -183,7 +183,7 @@ BARS_NOTE = (
 )
 PLANKS_NOTE = (
     "Above each line: the member that crosses. Below it: distance from the beginning along the axis, mm. Red: splices. "
-    "A slot open above receives the other plank; with a slot open below, this plank is put on the other."
+    "A slot open above receives the crossing plank. A plank with a slot open below is put onto the crossing plank."
 )
 PANELS_NOTE = (
     "Above each line: the member that crosses. Below it: distance from the beginning in the model, mm. Red: where "

@@ -102,15 +102,15 @@ def refolded_pages(
         MemberFaces(strip.id, colours[strip.member], strip_quads(strip, piece, plan.planks is not None))
         for strip in parts_in_space.strips
     ]
-    caption = f"{len(parts)} flat parts, bent back to their places by the lengths on the drawings."
+    caption = f"{len(parts)} flat parts, bent back into space with the lengths from the drawings."
     if len(parts_in_space.deviations):
         joint_words = "slots of two planks at nodes" if plan.planks else "holes at nodes"
-        gap_words = "beside each other" if plan.planks else "off the line of their bolt"
+        gap_words = "away from each other" if plan.planks else "away from the axis of their bolt"
         gap = MM_PER_M * parts_in_space.deviations.max()
         caption += f" {len(parts_in_space.deviations)} {joint_words} are up to {gap:.2g} mm {gap_words}."
     plates = len(plan.parts) - len(parts)
     caption += f" {plates} {'plate is' if plates == 1 else 'plates are'} not bent back." if plates else ""
-    return [("Parts bent back into space", _refolded_page(faces, parts, up, caption))]
+    return [("Flat parts bent into their final shape", _refolded_page(faces, parts, up, caption))]
 
 
 def piece_length(faces: list[MemberFaces]) -> float:
@@ -120,7 +120,7 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a strip as quads (q, 4, 3), each about `piece` metres long, or from corner to corner if it has slots."""
+    """Return a strip as quads (q, 4, 3), each about `piece` metres; quads of a slotted strip end at its corners."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:
@@ -154,8 +154,8 @@ STEP_PICTURES = 12  # Approximate number of steps, each with a picture.
 
 LAYER_RULE = (
     "Assemble each layer before the layer above it: at every node the upper member is bolted on the lower member. "
-    "Within a layer, assemble members in the order of the heights of their lowest points, and members of the same "
-    "height in the order of their names. Prop members that nothing holds yet, until the next layer is bolted on."
+    "Within a layer, assemble members by the height of their lowest points, lowest first; at equal height, by name. "
+    "If no bolt holds a member yet, prop it until the next layer is bolted on."
 )
 """Rule for the order of `assembly_steps`, printed for the builders."""
 
@@ -176,10 +176,10 @@ def assembly_steps(graph: MemberGraph, layering: Layering, up: Floats) -> tuple[
 PLANK_RULE = (
     "First place and prop the planks whose slots are open above: {first}. Then put on the other planks: {then}, each "
     "piece along the mean normal of its slots. Within a family, place members in the order of the heights of their "
-    "lowest points, and of the same height in the order of their names. Close a splice when both pieces are in place."
+    "lowest points; order members of equal height by name. Close a splice when both pieces are in place."
 )
 """Rule for the order of `plank_steps`, printed for the builders."""
-FAMILY_WORDS = {"major": "family A", "minor": "family B", "rim": "edges", "keep": "those around supports and loads"}
+FAMILY_WORDS = {"major": "family A", "minor": "family B", "rim": "edges", "keep": "planks around supports and loads"}
 
 
 def plank_rule(plan: WorkshopPlan) -> str:
@@ -227,7 +227,7 @@ def _ordered_steps(
     return tuple(steps)
 
 
-ACROSS, DOWN = 3, 2  # Columns and rows of steps on a page.
+ACROSS, DOWN = 3, 2  # Columns and rows of pictures on a page, with one picture for each step.
 STANDING_COLOUR = (0.82, 0.81, 0.79)  # Colour of members that earlier steps have assembled.
 
 

@@ -46,7 +46,7 @@ def compliance_document(findings: Findings, rows: Sequence[Mapping[str, Any]], p
     subject = preset.name.replace("_", " ").capitalize()
     if findings.share is not None:
         subject += f", at {findings.share:.0%} of the material"
-    footer = f"Made by dsfab {library_versions['dsfab']}; about stiffness, no proof of safety under a code"
+    footer = f"Made by dsfab {library_versions['dsfab']}; this report does not prove safety under a code"
     return Document("Structural compliance report", subject, facts, document_sections, footer)
 
 
@@ -115,7 +115,7 @@ def summary_document(rows: Sequence[Mapping[str, Any]], against: Sequence[str], 
         caption = "<b>Table 2.</b> Designs that were not compared, or do not carry their loads."
         blocks.append(Table(caption, ("Design", "Why"), reasons, 2, "", (1, 5)))
     facts = [("Designs", str(len(rows))), ("Checked by", f"dsfab {versions()['dsfab']}")]
-    footer = "About stiffness, no proof of safety under a code; each report lists its assumptions"
+    footer = "The reports do not prove safety under a code; each report lists its assumptions"
     return Document("Structural compliance", "Several designs", facts, [ReportSection("Summary", blocks)], footer)
 
 

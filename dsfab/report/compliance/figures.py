@@ -96,7 +96,7 @@ def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapp
         label = names[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
         axes.plot(mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=width, label=label)
         if name == "isotropic" and label == names[name]:
-            keys, label = ("variants_best", "variants_worst"), "isotropic, all pairs that carry"
+            keys, label = ("variants_best", "variants_worst"), "isotropic, all mode pairs that carry loads"
             low, high = ([_ratio_to_full_sheet(row, key) for row in competitor_rows] for key in keys)
             axes.fill_between(mass, low, high, color=colour, alpha=0.13, linewidth=0, label=label)
     axes.set_yscale("log")
@@ -235,7 +235,7 @@ class FindingsPictures:
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
         """Draw the von Mises stress on the cut sheet: the largest of its values at top, middle and bottom."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
-        limit = quantile(value, sheet.areas, 0.98) or 1.0  # 98 % of the area, without peaks at corners
+        limit = quantile(value, sheet.areas, 0.98) or 1.0  # leaves out the peaks at corners: 2 % of the area
         return self.band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:

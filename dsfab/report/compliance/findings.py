@@ -123,7 +123,7 @@ class Findings:
     """A comparison at one mass, and further comparisons for other shares of material, if any.
     A design without equilibrium (`carries` is False) has no `judgement` and no `fields`.
     command : command line that repeats the comparison.
-    share   : share of the surface to which the widths of the design are scaled; None without scaling."""
+    share   : share of material that the scaled widths of the design give; None without scaling."""
 
     compared: Comparison
     volumes: Sequence[tuple[float, Comparison]]
@@ -132,7 +132,7 @@ class Findings:
 
     @property
     def task(self) -> ComparisonTask:
-        """Surface, loads and supports, which all competitors share."""
+        """Surface, loads and supports, the same for the design and its competitors."""
         return self.compared.task
 
     @property
@@ -152,7 +152,7 @@ class Findings:
 
     @property
     def reference_compliance(self) -> float:
-        """Compliance (J) that decides the unit of all compliances."""
+        """Compliance (J) by which the report chooses the unit of all compliances."""
         return self.design.compliance if self.carries else self.compared.full.compliance
 
     @property
@@ -187,7 +187,7 @@ class Findings:
 
     @cached_property
     def cases(self) -> list[str]:
-        """Names of the cases with a judgement, the governing one first."""
+        """Names of the load cases that were judged, the governing case first."""
         if not self.carries:
             return list(self.task.loads)
         if self.judgement.check:
@@ -268,7 +268,7 @@ class Findings:
         if theory is None:
             return None
         mark: Mark = "pass" if theory <= CONVERGED else "note"
-        words = f"the solid is up to {percent(theory)} softer"
+        words = f"the solid is up to {percent(theory)} softer than the thin shell"
         return CheckLine("Within thin-shell theory", mark, words, percent(CONVERGED))
 
     def balance_check(self) -> CheckLine:
@@ -307,7 +307,7 @@ class Findings:
             return None
         usual_share, interior_share = max(share[0] for share in shares), max(share[1] for share in shares)
         status: Status = "fail" if usual_share > 1 else "pass" if interior_share <= 1 else "unknown"
-        where = f"further than a rib's width from corners{self._case_suffix('stress')}"
+        where = f"at points more than a rib's width from corners{self._case_suffix('stress')}"
         words = f"{usual_share:.0%} on 99 % of the area, {interior_share:.0%} {where}"
         strength = quantity(self.task.preset.statics.strength, "Pa")
         return CheckLine("Stress against the strength", status, words, strength)
@@ -337,7 +337,7 @@ class Findings:
 
     @cached_property
     def claims(self) -> list[CheckLine]:
-        """Lines on each competitor: whether the design is stiffer at equal mass."""
+        """Check lines, one for each competing structure: whether the design is stiffer at equal mass."""
         return [self._claim(rival) for rival in self.compared.rivals]
 
     def _claim(self, rival: Competitor) -> CheckLine:

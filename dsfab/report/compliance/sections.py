@@ -37,7 +37,7 @@ from dsfab.report.html_pages import (
 from dsfab.statics import elements_of
 from dsfab.study.verdict import calibration, estimates
 
-PLANE = "The sheet is loaded in its own plane: there is no bending, so the two pairs of elements are equal."
+PLANE = "The sheet is loaded in its own plane: there is no bending, so both kinds of elements give equal results."
 
 
 def summary_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
@@ -53,7 +53,7 @@ def checks_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
     """Return tables of all checks with their verdicts."""
     blocks: list[Block] = [tables.checks_table(findings.checks, number, "The structure itself.")]
     if findings.claims:
-        blocks.append(tables.checks_table(findings.claims, number, "Stiffness beside structures of the same mass."))
+        blocks.append(tables.checks_table(findings.claims, number, "Stiffness against structures of the same mass."))
     blocks.append(
         Paragraph(
             "<b>pass</b>: met. <b>fail</b>: not met. <b>unknown</b>: neither is certain. <b>note</b>: information "
@@ -91,7 +91,7 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
     levels = tables.levels_table(findings, number)
     if levels is None:
         words = "The compliance is from one solve on the mesh of the cut sheet; "
-        words += f"its bound, {percent(estimates.QUICK_ERRORS[1])}, holds for nine designs in ten. "
+        words += f"the error is at most {percent(estimates.QUICK_ERRORS[1])} for nine designs in ten. "
         words += "To see the convergence on finer meshes, use <code>--level full</code>."
         return ReportSection("Compliance", [Paragraph(words), tables.cases_table(findings, number)])
     check = findings.judgement.check
@@ -99,8 +99,8 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
     blocks: list[Block] = [
         Paragraph(
             "Compliance is the work of the loads; a smaller compliance means a stiffer structure. The structure was "
-            "solved on the mesh of the cut sheet and on finer ones. Two pairs of finite elements have mostly opposite "
-            f"errors. The value is extrapolated; it is known if its bound is at most {percent(CONVERGED)}."
+            "solved on the mesh of the cut sheet and on finer ones, by two kinds of finite elements with mostly "
+            f"opposite errors. The value is extrapolated; it is known if its bound is at most {percent(CONVERGED)}."
         ),
         levels,
         *([Paragraph(PLANE, "quiet")] if findings.is_plane else []),
@@ -128,9 +128,9 @@ def comparison_section(
         spread = rival.spread
         least, mean, worst = (significant_digits(x / full) for x in (spread.best, spread.mean, spread.worst))
         words = (
-            f"{LABELS[rival.name]}: {spread.carried} of {spread.tried} variants carry the loads. By one solve each, "
-            f"they have {least} to {worst} times the compliance of the whole sheet, {mean} times in the mean. The "
-            "table has the stiffest."
+            f"{LABELS[rival.name]}: {spread.carried} of {spread.tried} variants carry the loads. Solved once each, "
+            f"they have {least} to {worst} times the compliance of the whole sheet, on average {mean} times. The "
+            "table shows the stiffest variant."
         )
         blocks.append(Paragraph(words, "quiet"))
     if "bars" in charts:
@@ -149,7 +149,7 @@ def comparison_section(
 def displacement_and_stress_section(
     findings: Findings, pictures: FindingsPictures, number: CaptionNumbers
 ) -> ReportSection:
-    """Return displacements and stress in their decisive cases."""
+    """Return the displacements and the stress, each in the load case with the largest value."""
     moving_case, moving = findings.decisive_case("displacement")
     stressed_case, stressed_answer = findings.decisive_case("stress")
     several, names = len(findings.cases) > 1, (moving_case, stressed_case)
@@ -162,7 +162,7 @@ def displacement_and_stress_section(
     stress_figure = pictures.stress(
         findings.fields[stressed_case],
         number.figure(
-            f"von Mises stress{under[stressed_case]}, the largest of top, middle and bottom of the cut sheet. On 99 % "
+            f"von Mises stress{under[stressed_case]}: the largest of the values at top, middle and bottom. On 99 % "
             f"of the area of the finest mesh it is at most {quantity(stressed_answer.stress.quantile, 'Pa')}."
         ),
     )
@@ -195,11 +195,11 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
         "surface, with the same sum and moment. A load without a covering acts on the members alone. A concentrated "
         "load on an opening acts on the nearest material, and is distributed there.",
         "The middle surface is smooth: new points of finer meshes lie on a smooth surface through the vertices.",
-        "All competitors have the same mass to 0.1 %, and the same loads, supports and kept regions (SIMP: the regions "
-        "of the preset, and discs of its own). Except for the thinner sheet, they have the same thickness.",
+        "All competitors have the same mass to 0.1 %, and the same loads, supports and kept regions. But SIMP has its "
+        "own discs around loads and supports, and no rim. The thinner sheet alone has a different thickness.",
     ]
     if statics.law == "stvk":
-        assumed[0] = "The paper's material (St. Venant and Kirchhoff's, linearised); small displacements."
+        assumed[0] = "Material law of St. Venant and Kirchhoff, linearised; small displacements."
     cases = list(findings.judgement.cases.values()) if findings.carries else []
     missing = [
         "Strength: the preset has none, so the stress has no verdict." if not statics.strength else "",
@@ -314,15 +314,15 @@ def _advice(findings: Findings) -> str:
         shares = enumeration([f"{share:.0%}" for share in carrying])
         return words + f"With scaled widths the design carries its loads at {shares} of the material."
     return words + (
-        "More material (wider stripes, lower thresholds), a rim, or kept regions around loads and supports may close "
-        "the gaps. Other phases, modes or frequencies may help, too."
+        "More material (wider stripes, lower thresholds), a rim, or kept regions around loads and supports may connect "
+        "the loads to the supports. Other phases, modes or frequencies may help, too."
     )
 
 
 def _failed_picture(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportFigure:
     if findings.has_structure:
         red = "; red reaches no support" if findings.design.loose > 0 else ""
-        caption = f"All material of the pattern{red}. Arrows are loads, cones are supports."
+        caption = f"The picture shows all material of the pattern{red}. Arrows are loads, cones are supports."
         return pictures.all_material(number.figure(caption), 0.86)
     caption = "The surface before it is cut. Arrows are loads, cones are supports."
     return pictures.case(findings.cases[0], number.figure(caption), 0.86)
@@ -345,6 +345,6 @@ def _competitor_row(findings: Findings, name: str) -> tuple[str, str, str]:
     label = escaped_text(LABELS[name])
     if competitor.judgement is None:
         exists = competitor.structure or competitor.spread
-        return label, "none", "does not carry the loads either" if exists else "was not found"
+        return label, "none", "does not carry the loads" if exists else "was not found"
     ratio = f"{significant_digits(competitor.compliance / full.compliance)} times the compliance of the whole sheet"
     return label, mass(competitor.mass), "carries the loads" if name == "full" else f"carries the loads, with {ratio}"

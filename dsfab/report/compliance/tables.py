@@ -27,7 +27,7 @@ from dsfab.statics import elements_of
 from dsfab.study.alternatives import Competitor
 from dsfab.surface import Surface
 
-AWAY_FROM_CORNERS = "further than a rib's width from corners"  # At corners the largest stress diverges.
+AWAY_FROM_CORNERS = "at points more than a rib's width from corners"  # At corners the largest stress diverges.
 DUST = 5e-5  # A force below this share of the largest force is shown as 0.
 
 
@@ -59,7 +59,7 @@ def key_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 def _full_sheet_ratio(findings: Findings) -> str:
     full = findings.compared.full
-    return f"{findings.design.compliance / full.compliance:.3g} times that of the whole sheet of {mass(full.mass)}"
+    return f"{findings.design.compliance / full.compliance:.3g} times the compliance of a whole {mass(full.mass)} sheet"
 
 
 def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
@@ -76,7 +76,7 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
         *([("Material", statics.material_words)] if statics.material else []),
         ("Young's modulus; Poisson's ratio", f"{quantity(statics.young, 'Pa')}; {statics.poisson:g}"),
         ("Density", f"{statics.density:g} kg/m³"),
-        ("Strength", quantity(statics.strength, "Pa") if statics.strength else "not given: stress is not judged"),
+        ("Strength", quantity(statics.strength, "Pa") if statics.strength else "not in the preset: stress not judged"),
         (
             "Mesh of the surface",
             f"{_thousands(task.surface.n)} vertices, edges of {length_or_na(task.surface.mean_edge)}",
@@ -98,7 +98,7 @@ def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
         ("Dead ends", *(str(family.dead) for _, family in families)),
         ("Openings narrower than the members beside them", *(str(family.slits) for _, family in families)),
         ("Angle between members and stress, mean", *(f"{family.deviation:.1f}°" for _, family in families)),
-        ("Share with an angle above 30°", *(percent(family.off) for _, family in families)),
+        ("Share of members with this angle above 30°", *(percent(family.off) for _, family in families)),
     ]
     note = (
         f"Members cross at {quality.crossing_angle:.0f}° or more." if len(families) == 2 else "One family of members."
@@ -123,7 +123,7 @@ def _kept_words(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return the sums of forces of each case and combination, on the cut sheet if it carries all of them."""
+    """Return the sums of forces of each case and combination, on the cut sheet if every load meets material."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}
@@ -163,7 +163,7 @@ def _uncut_note(sums: Mapping[str, Floats], uncut: Mapping[str, Floats]) -> str:
 
 
 def ordered_cases(findings: Findings) -> list[str]:
-    """Return the names of all cases, first the cases with a judgement."""
+    """Return the names of all load cases; the cases that were judged come first."""
     return [*findings.cases, *(name for name in findings.task.statics.cases if name not in findings.cases)]
 
 
@@ -345,7 +345,7 @@ def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
     )  # fmt: skip
     names = [competitor.name for competitor in findings.compared.competitors]
     levels = {competitor.judgement.level for competitor in findings.compared.competitors if competitor.judgement}
-    note = "Columns with /: ratios of compliance, above 1 is softer. Level full: two or three meshes, extrapolated. "
+    note = "Columns with /: ratio of compliances; above 1, softer. Level full: extrapolated from two or three meshes. "
     note += (
         "Level quick: one solve on the cut mesh; its bound holds for nine designs in ten." if "quick" in levels else ""
     )
@@ -387,9 +387,9 @@ def volumes_table(findings: Findings, number: CaptionNumbers) -> Table:
     levels = {competitor.judgement.level for competitor in competitors if competitor.judgement}
     level_note = {
         frozenset(("full",)): "Judged by full checks.",
-        frozenset(("quick",)): "Judged by one solve each, whole sheets on their coarse meshes too.",
-    }.get(frozenset(levels), "Whole sheets are judged by full checks, cut sheets by one solve.")
-    note = f"Compliance divided by that of the whole sheet; - : carries nothing at this share. {level_note}"
+        frozenset(("quick",)): "Each value is from one solve; whole sheets were solved on their coarse meshes.",
+    }.get(frozenset(levels), "Whole sheets are judged on finer and finer meshes, cut sheets on one mesh.")
+    note = f"Compliance / compliance of the whole sheet; - : does not carry the loads at this mass. {level_note}"
     return Table(number.table("Compliance at other masses."), head, rows, 1, note)
 
 

@@ -51,7 +51,7 @@ def alternative_banners(findings: Findings) -> list[Banner]:
     certain_names = {alternative.name for alternative in stiffer if alternative.low > 1}
     title = escaped_text(sentence(losing_line(stiffer)))
     if not certain_names:
-        return [Banner("unknown", title, "The bounds of the two compliances overlap.")]
+        return [Banner("unknown", title, "The compliances of design and alternative are equal within their errors.")]
     reasons = {
         "thinner": "Openings make sense only for other reasons than stiffness, such as light or air.",
         "isotropic": "Stripes along the stress, as in this design, bring no stiffness here.",
@@ -83,7 +83,7 @@ def _rival_sentence(findings: Findings, rival: Competitor) -> str:
         return f"{opening_words} {range_words(low, middle, high)} times as stiff."
     if high < 1:
         return f"{opening_words} <b>softer</b>: {range_words(low, middle, high)} times as stiff."
-    return f"{opening_words} {range_words(low, middle, high)} times as stiff: within the bounds either may be stiffer."
+    return f"{opening_words} {range_words(low, middle, high)} times as stiff: the bounds do not show which is stiffer."
 
 
 def first_reason(error: str) -> str:
@@ -101,8 +101,8 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
             f"({1 / high:.3g} to {1 / low:.3g}). Keeping only {kept_share} of the surface brings no stiffness here. "
             "Openings make sense only for other reasons, such as light, air, or a thin sheet that is not available."
         )
-    verdict = "concentrating the material helps" if low > 1 else "within the bounds either may be stiffer"
-    return f"Beside {thinner_words} the design is {range_words(low, middle, high)} times as stiff: {verdict}."
+    verdict = "concentrating the material helps" if low > 1 else "the bounds do not show which is stiffer"
+    return f"The design is {range_words(low, middle, high)} times as stiff as {thinner_words}: {verdict}."
 
 
 def thinner_sheet_words(findings: Findings) -> str:

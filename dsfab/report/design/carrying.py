@@ -14,7 +14,7 @@ SHOWN_SUPPORTS = 6  # number of supports in a short table of reactions
 LEVEL = 1e-3  # a horizontal force below this share of the reaction is a rounding error
 OPPOSED = 0.1
 """Horizontal forces at a support count as opposite (as along a ring) if their resultant / their sum is smaller.
-This ratio is 0.4 at a single foot, because its vertices also hold the foot together."""
+At a single foot this ratio is 0.4, because the forces at its vertices partly cancel."""
 
 
 def verdict_line(name: str, carrying: "Carrying") -> str:
@@ -38,7 +38,7 @@ def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
 
 
 def figure_lines(carrying: "Carrying") -> Iterator[str]:
-    """Yield lines on the largest utilisation, the movement, buckling and the mass, all of the cut structure."""
+    """Yield one line for each result of the cut structure: largest utilisation, movement, buckling and mass."""
     use, moved = carrying.use, carrying.movement
     several = len({row.case for row in carrying.reactions}) > 1
     if use:
@@ -51,7 +51,7 @@ def figure_lines(carrying: "Carrying") -> Iterator[str]:
         yield f"  movement    {words} ({moved.about}){under}"
     if carrying.buckling is not None:
         under = f", {carrying.buckling_case}" if several else ""
-        yield f"  buckling    at {load_factor(carrying.buckling)} times the load{under}, of a perfect shape"
+        yield f"  buckling    at {load_factor(carrying.buckling)} times the load{under}, without imperfections"
     yield f"  mass        {mass(carrying.mass)}, {length(carrying.thickness)} thick"
 
 
@@ -59,7 +59,7 @@ def carrying_notes(carrying: "Carrying") -> Iterator[str]:
     """Yield notes on the figures: a large movement, missing figures and assumptions."""
     moved = carrying.movement
     if moved and moved.share > 1 / USUAL_SPAN_SHARE:
-        yield f"it moves by 1/{1 / moved.share:.0f} of its span; 1/{USUAL_SPAN_SHARE} is usual, by agreement"
+        yield f"the structure moves by 1/{1 / moved.share:.0f} of its span; the usual limit is 1/{USUAL_SPAN_SHARE}"
     if carrying.outcome != "not judged":
         yield from carrying.remarks
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def answer_facts(design: Design, case: "CaseResult | StaticsResult") -> dict[str, Any]:
     """Return stress, energy and requested results of the uncut sheet under one load, in SI units.
-    `answered_by` names the elements. Elements that are only good for directions give no stress and no energy.
+    `answered_by` names the elements. Elements that reports do not use give no stress and no energy.
     Requested frequencies and buckling factors are lists, which are empty if the results are missing."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress, facts = answers.stress, dict[str, Any](answered_by=str(answers.elements))
@@ -95,7 +95,7 @@ def mode_lines(design: Design) -> list[str]:
 
 def equilibrium_facts(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, Any]:
     """Return compliance, largest displacement, residuals, and sums of loads and reactions of one equilibrium.
-    If the elements are good only for directions, compliance and displacement are left out."""
+    If reports do not use these elements, compliance and displacement are left out."""
     moved = {"compliance_J": answer.compliance, "largest_displacement_m": answer.largest_displacement}
     return {
         **(moved if answer.elements.is_reported else {}),
@@ -157,7 +157,7 @@ def choice_lines(choice: "Choice | None", count: int = 8) -> list[str]:
     rest = choice.candidates[count:]
     refused = [candidate for candidate in choice.candidates if candidate.refused]
     if rest:
-        lines.append(f"and {len(rest)} more, {len(refused)} of all refused (design.json has them)")
+        lines.append(f"and {len(rest)} more; refused candidates: {len(refused)} (design.json has all candidates)")
     return lines
 
 
@@ -214,7 +214,7 @@ def alternative_lines(facts: Mapping[str, Any]) -> list[str]:
 def _alternative_line(alternative: Mapping[str, Any]) -> str:
     subject = f"{ALTERNATIVE_WORDS[alternative['name']]} of the same mass"
     if alternative.get("error"):
-        return f"compared with {subject}: there is none that carries the loads"
+        return f"compared with {subject}: no structure of this kind carries the loads"
     over = alternative["over"]
     verdict = "does not carry its loads" if over is None else f"has {over:.3g} x its compliance"
     return f"compared with {subject}: the design {verdict} ({alternative['level']})"

@@ -65,7 +65,7 @@ def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
 
 
 def load_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a table of supports, and a table of loads; nothing without such facts."""
+    """Yield a table of supports and a table of loads, if `facts` has them."""
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
         yield from table(("support", "vertices", "along", "holds"), map(_support_row, supports)).split("\n")
@@ -122,7 +122,7 @@ def _family_facts(quality: "FamilyQuality") -> dict[str, Any]:
 
 
 def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines on dead ends, slits and directions, then on the openings of each family."""
+    """Yield lines of text: a summary of the pattern, then the sizes of the openings of each family."""
     yield f"pattern: {facts['summary']}"
     for name in ("major", "minor"):
         if not facts[name].get("drawn", True):

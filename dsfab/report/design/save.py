@@ -52,7 +52,7 @@ class _WrittenFiles(NamedTuple):
 
 
 class Announcements(NamedTuple):
-    """Functions that `save` calls: one with the verdict, one with the folder when its pictures are written."""
+    """Functions that `save` calls: `verdict` with the verdict; `picture` with the folder, after its pictures exist."""
 
     verdict: Callable[[Carrying], None] = lambda _: None
     picture: Callable[[Path], None] = lambda _: None

@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 UNITS = (*["N"] * 3, *["N m"] * 3)  # Units of the components: three forces, three moments.
 DIAGRAM_COMPONENTS = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))  # Number, name and unit of each component.
-DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68  # inches of a row of diagrams
+DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68  # width and height of a row of diagrams, inches
 RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"  # colours of positive values, negative values, and lines
 
 
@@ -63,7 +63,7 @@ def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    across = 3  # three forces stand above three moments
+    across = 3  # a row has diagrams of three forces, and the next row has diagrams of three moments
     lines = len(DIAGRAM_COMPONENTS) // across
     with lettering(**{"font.size": 7.5}):
         layout = ConstrainedLayoutEngine(hspace=0.06, h_pad=0.02)
@@ -127,7 +127,7 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
     labels = [f"{100 * step * k:.4g} %" for k in range(count + 1)]
     caption = number.figure(
         f"Utilisation of each bay, in its decisive case and check. The names are those of the {len(names)} most used "
-        "members; plates, discs and fills are not checked and have no colour."
+        "members; plates, discs and filled openings are not checked and have no colour."
     )
     scale = ColourScale("utilisation; at 100 % the resistance is reached", band_colours(count), labels)
     try:
@@ -169,7 +169,7 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSe
         status, title = "fail", f"{overloaded} of {len(utilisation.by_member)} members exceed their resistance"
     else:
         status = "pass" if utilisation.combined else "unknown"
-        title = f"Each of {len(utilisation.by_member)} members is below its resistance"
+        title = f"Each of {len(utilisation.by_member)} members is loaded below its resistance"
         title += "" if utilisation.combined else ", under loads without partial factors"
     text = f"{utilisation.summary}. Checked by {utilisation.standard}. {utilisation.assumed[0]}"
     words = (
@@ -189,7 +189,7 @@ def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSec
         words = check.name, check.clause, case
         decisive.append((utilisation.bays.member[bay], utilisation.bays.name[bay], *map(escaped_text, words), share))
     head = ("Member", "Bay", "Check", "Clause and formula", "Case", "Utilisation")
-    caption = number.table("The most used bay of each of the most used members.")
+    caption = number.table("Members with the largest utilisation, and the bay in which it is largest.")
     table = Table(caption, head, decisive, 5, "", (1, 1.5, 2.6, 3.2, 1.5, 1.3))
     return ReportSection("Most used members", [table, _decisive_forces_table(utilisation, bays, number)], own_page=True)
 
@@ -204,8 +204,8 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
         numbers = [f"{x / factor:.{decimals}f}" for x, (factor, _, decimals) in zip(row, scale, strict=True)]
         rows.append((bays.member[bay], section, length_or_na(float(bays.length[bay])), *numbers))
     heads = [f"{name}, {unit}" for name, (_, unit, _) in zip(COMPONENTS, scale, strict=True)]
-    title = number.table("The same bays: section, length from node to node, and forces at the decisive section.")
-    note = "Positive N is tension. My bends out of the surface, with tension at its normal's side; Mz bends in it."
+    title = number.table("Bays of the table above: section, length between nodes, and forces at the decisive section.")
+    note = "Positive N is tension. Positive My puts the normal's side in tension. Mz bends in the surface."
     return Table(title, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS)))
 
 
@@ -221,7 +221,7 @@ def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
     utilisation = design.member_utilisation
     rows = [(utilisation.bays.member[b], utilisation.governing(b)[1]) for b in utilisation.worst_bays(WORST_COUNT)]
     several = len(utilisation.bays.forces) > 1
-    case_note = "Each in its decisive case, named beside it; grey: least and greatest of all cases. " * several
+    case_note = "Each diagram shows the decisive case, named beside it; grey lines: range of all cases. " * several
     figures, count = [], 3  # a figure of three members fills half a page
     for start in range(0, len(rows), count):
         part = rows[start : start + count]
@@ -266,7 +266,7 @@ def members_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportS
     third = -(-len(shown) // 3)
     columns = [[*shown[k * third : (k + 1) * third]] for k in range(3)]
     rows = [[cell for column in columns for cell in (column[k] if k < len(column) else ("", ""))] for k in range(third)]
-    rest_words = f" {len(ranked) - limit} more are in member_utilisation.csv." if len(ranked) > limit else ""
+    rest_words = f" {len(ranked) - limit} more members are in member_utilisation.csv." if len(ranked) > limit else ""
     caption = number.table("All members with bays between nodes, each with its largest utilisation." + rest_words)
     head = ("Member", "Utilisation") * 3
     return ReportSection("All members", [Table(caption, head, rows, 0, "", (1, 1, 1, 1, 1, 1))])

@@ -43,18 +43,18 @@ class Cells:
 
     @cached_property
     def owner(self) -> Ints:
-        """(h,) the polygon of each slot."""
+        """(h,) the polygon of each slot (index into `corner`)."""
         return np.repeat(np.arange(len(self.sizes)), self.sizes)
 
     @cached_property
     def following(self) -> Ints:
-        """(h,) the next slot around the same polygon."""
+        """(h,) for each slot (index into `corner`), the slot of the next corner of the same polygon."""
         slot = np.arange(1, len(self.corner) + 1)
         slot[self.start[1:] - 1] = self.start[:-1]
         return slot
 
     def next_values(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return for each slot the value at the next slot of its polygon; `values` (h,)."""
+        """Return for each slot (index into `corner`) the value at its polygon's next corner; `values` (h,)."""
         result: NDArray[Any] = np.empty_like(values)
         result[:-1] = values[1:]
         result[self.start[1:] - 1] = values[self.start[:-1]]
@@ -76,7 +76,7 @@ class Cells:
         return a[slots], b[slots]
 
     def slots(self, which: Ints) -> Ints:
-        """Return the slots of the polygons `which` (k,), polygon by polygon."""
+        """Return the slots (indices into `corner`) of the polygons `which` (k,), polygon by polygon."""
         sizes = self.sizes[which]
         ends = np.cumsum(sizes)
         return np.asarray(np.repeat(self.start[which] - (ends - sizes), sizes) + np.arange(int(sizes.sum())))
@@ -87,7 +87,7 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Give each side with the mark -1 - l in `sides_on` the line lines[l, polygon].
+        """Replace each mark -1 - l in `sides_on`, which stands for level l, by the line number lines[l, polygon].
         lines : (levels, c), or a length of 1 if all levels or all polygons have the same line."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
@@ -97,7 +97,7 @@ class Cells:
         return Cells(self.start, self.corner, sides_on)
 
     def triangle_sides(self, F: Ints, polygon: Ints) -> Ints:
-        """Return `sides_on` (m, 3) of triangles F (m, 3) that fill the polygons; polygon : (m,) of each triangle."""
+        """Return `sides_on` (m, 3), the lines of triangles F (m, 3) that fill the polygons `polygon` (m,)."""
         slot = np.flatnonzero(self.sides_on)
         n, owner, end = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
         key = owner * n + self.corner[slot]
@@ -212,7 +212,7 @@ def _chosen_triangles(polygons: Ints, apex: Ints) -> tuple[Ints, Ints]:
 
 
 def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
-    """Divide each polygon (g, size) by the chord with the most equal areas; return parts, grouped by size."""
+    """Divide each polygon (g, size) by a chord into two nearly equal areas; return the parts, grouped by size."""
     size = polygons.shape[1]
     spoke = X[polygons] - X[polygons[:, :1]]
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
@@ -233,7 +233,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 SNAP_FLOOR = 1e-9
 """Smallest snap fraction; it applies even at snap = 0."""
-TIP = 1e-3  # Largest snap fraction if only one edge of a stripe moves.
+TIP = 1e-3  # Largest snap fraction (see `cut`) for a move of only one edge of a stripe.
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
@@ -271,7 +271,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
-    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # if both are equally near, the pair moves up
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # on a tie, the pair of values increases
     upper_nearer = (share[:, 0] < share[:, 1]) | tie
     chosen = np.stack([upper_nearer, ~upper_nearer], axis=1)
     step = np.where(chosen, steps, 0).sum(axis=1)
@@ -285,9 +285,9 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
 
 
 def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
-    """Return masks (c,) of the polygons wholly inside stripes, and of those wholly outside stripes.
+    """Return masks (c,) of the polygons wholly inside stripes, and of the polygons wholly outside stripes.
 
-    y : (h, 2) both values of the field at each slot."""
+    y : (h, 2) values z + d and z - d of the field (see `cut`) at each polygon corner."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
     within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])

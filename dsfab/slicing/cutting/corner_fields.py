@@ -1,4 +1,4 @@
-"""Cut polygons along the stripes of a corner field. Each vertex has one value, which all polygons around it share."""
+"""Cut polygons along the stripes of a `CornerField`: values with a sign and an offset in each face of a surface."""
 
 import dataclasses
 from dataclasses import dataclass, replace
@@ -25,8 +25,8 @@ from dsfab.surface.fields import CornerField
 class PolygonField:
     """A corner field on the vertices of a mesh of polygons.
 
-    lead   : (n',) one face at each vertex.    values : (n', 1 or 2) of the field at the vertices, in these faces.
-    sign, shift : (h,) in the face of a slot, its vertex has the field value sign * value + shift.
+    lead   : (n',) one face at each vertex.    values : (n', 1 or 2) field values at the vertices, in the face `lead`.
+    sign, shift : (h,) for the slots of polygons. In the polygon's face, the field value is sign * value + shift.
     blank  : (h,) True for slots without a value."""
 
     mesh: PolygonMesh
@@ -39,7 +39,7 @@ class PolygonField:
 
     @classmethod
     def from_field(cls, mesh: PolygonMesh, field: CornerField) -> Self:
-        """Evaluate the field at each vertex, in the first face around the vertex that has a phase."""
+        """Evaluate the field at each vertex, in the first face around the vertex in which the field has values."""
         corner, n = mesh.cells.corner, len(mesh.X)
         lead = np.zeros(n, dtype=np.int64)
         lead[corner[::-1]] = mesh.face[::-1]
@@ -61,7 +61,7 @@ class PolygonField:
         face, sign, shift = mesh.face, np.ones(len(mesh.face)), np.zeros(len(mesh.face))
         turned_slots = np.flatnonzero(
             field.changed_faces[face] | field.changed_faces[lead][mesh.cells.corner]
-        )  # all other slots keep sign 1 and shift 0
+        )  # at all other polygon corners, sign is 1 and shift is 0
         if len(turned_slots):
             vertex, slot_face = mesh.cells.corner[turned_slots], face[turned_slots]
             lead_face, support_vertex = lead[vertex], mesh.support[vertex]
@@ -72,7 +72,7 @@ class PolygonField:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def value_index(self, side: int) -> Ints:
-        """Return for each slot the index (h,) into values.ravel() of the upper (side 0) or lower (side 1) field."""
+        """Return indices (h,) into values.ravel() for all polygon corners. side : 0 for z + d, 1 for z - d, `cut`."""
         return self._lower if side else self._upper
 
     @cached_property
@@ -85,7 +85,7 @@ class PolygonField:
         return self._upper if self.values.shape[1] == 1 else self._upper ^ 1
 
     def slot_values(self, side: int) -> Floats:
-        """Return the upper (side 0) or lower (side 1) field (h,) at the slots."""
+        """Return the field (h,) at each polygon corner. side : 0 for its values z + d, 1 for z - d (see `cut`)."""
         return self._slots[side]
 
     @cached_property
@@ -108,15 +108,15 @@ class PolygonField:
         return changed
 
     def side_values(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """Return the field at both ends of every side; foreign : (h,) slots without a value, default `blank`."""
+        """Return the field at both ends of every side. foreign : (h,) corners without a value, default `blank`."""
         return SideValues.from_slots(
             self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
         )
 
     def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
-        """Return the field after a split of the polygons along levels of its upper (0) or lower (1) side.
+        """Return the field after a split of the polygons at levels of z + d (side 0) or z - d (side 1), see `cut`.
 
-        lines : (l, 1) the line of each level."""
+        lines : (l, 1) row of `CutLines` for each level."""
         mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
         cut = self.slot_values(side)
         up = cut[split.side] < cut[following[split.side]]
@@ -155,12 +155,12 @@ class PolygonField:
 def corner_band(
     mesh: PolygonMesh, field: CornerField, levels: Floats, snaps: tuple[float, float], size: float, edges: Ints
 ) -> tuple[PolygonMesh, Bools]:
-    """Cut the void polygons along the stripes of a corner field; return also a mask (c',) of the new material.
+    """Cut the void polygons along the stripes of a `CornerField`; return also a mask (c',) of the new material.
 
-    snaps : snap fractions of whole stripes (see `cut`) and of tips (see `TIP`).    size : of the surface, metres.
-    edges : (l, 2) row of `CutLines` for each level of the upper and of the lower field.
+    snaps : snap fraction of whole stripes (see `cut`) and of one stripe edge (see `TIP`).    size : of the surface, m.
+    edges : (l, 2) row of `CutLines` for each level of z + d and of z - d (see `cut`).
 
-    If the field changes its sign across a mesh edge, this edge first gets vertices at the levels of both fields."""
+    If the field changes its sign across a mesh edge, this edge first gets vertices at all levels."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -179,14 +179,14 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """Return a mask (c,) of void polygons in blank faces; more than half of each polygon's outline touches stripes."""
+    """Return a mask (c,) of void polygons in faces without a field; stripes touch over half of a polygon's outline."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
     owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner)
     touched = np.zeros(len(mesh.X), dtype=bool)
     touched[corner[inner[owner]]] = True
-    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # the sides of `inner`, and a few others
+    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # all sides of `inner`, and a few other sides
     p, q, polygon = corner[candidates], ahead[candidates], owner[candidates]
     length = np.linalg.norm(mesh.X[p] - mesh.X[q], axis=1)
     order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
@@ -196,8 +196,8 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """Return a mask (c,) of polygons to cut: openings where the field applies, and material that may be cut again."""
-    least = 0.5  # the field must apply on more than this fraction of an opening's area
+    """Return a mask (c,) of polygons to cut: openings in which the field is wanted, and material in `mesh.again`."""
+    least = 0.5  # an opening is cut if the field is wanted on more than this fraction of its area
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
         return crossed
@@ -256,7 +256,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices at levels to edges across which the field changes its sign, from the first polygon's values."""
+        """Add vertices where levels cross edges at which the field changes sign. The first polygon's values count."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():
@@ -269,9 +269,9 @@ class StripeCut:
         return state._after_split(split, side)
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
-        """Cut the active polygons along levels of the upper (0) or lower (1) field; return also their strips (c',).
+        """Cut the polygons `active` along levels of z + d (side 0) or z - d (side 1); return the strip (c',) of each.
 
-        Strip j has j levels below it.    above : True puts a polygon on a level into the strip above."""
+        Strip j has j levels below it.    above : True puts a polygon that lies on a level into the strip above."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh

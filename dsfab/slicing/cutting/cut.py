@@ -30,8 +30,8 @@ LEVEL_GAP = 1e-6  # Levels nearer than this fraction of the field's range are eq
 
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""Function that returns a mask (c,) of material that later fields divide again.
-Arguments: the polygons; the number of the last field; a mask (m,) of its blank faces and of the faces beside them."""
+"""Function that returns a mask (c,) of material polygons that later fields divide again. Arguments: the polygons; the
+number of the last field; a mask (m,) of the faces without this field, and of their neighbours."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
@@ -45,7 +45,7 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
              Two equal levels (see `LEVEL_GAP`) are left out. With values (n, 2), material has |z - level| < d.
     snap   : 0 to 0.4, a fraction of the largest range of values on the edges at a vertex. A value within this distance
              of a level moves onto it. This avoids very thin triangles, and moves a line by at most this fraction of an
-             edge. Use 0 for exact areas. Values within `SNAP_FLOOR`, and at cells without area, always move.
+             edge. With 0, areas are exact: values move only within `SNAP_FLOOR`, or to avoid cells without area.
 
     A cell is material if any field makes it material. Later fields do not cut the material of earlier fields.
     A face wholly on a level is void. The cells are in the order of their parent faces. The first n vertices are the
@@ -84,9 +84,9 @@ def polygons_along(
     divided_again: DividedAgain | None = None,
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
-    """Cut a surface as `cut_polygons` does; values, levels : results of `checked_lines`.
+    """Cut a surface as `cut_polygons` does. values, levels : results of `checked_lines`.
 
-    divided_again : marks material that later fields divide, too; default: none."""
+    divided_again : function that selects material for division by later fields; default: none."""
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
@@ -135,7 +135,7 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split void polygons by a field x (n',) or (n', 2); return the splits, and a mask (c',) of new material.
+    """Split void polygons by a field x (n',) or (n', 2); return the splits, and a mask (c',) of pieces inside stripes.
 
     edges : (l, 1 or 2) row of `CutLines` for each level."""
     if x.ndim == 2:
@@ -147,7 +147,7 @@ def _plain_splits(
 def _band(
     mesh: PolygonMesh, x: Floats, levels: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split the void cells by x[:, 0], then by x[:, 1]; return both splits, and a mask of the material cells.
+    """Split the void cells by x[:, 0], then by x[:, 1]; return the two splits, and a mask (c',) of the material cells.
 
         x[:, 0] = level . ' material
     . '        ' .                       The second split uses the vertices of the first split.
@@ -170,7 +170,7 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
-    """Divide polygons into triangles; return also the polygon (m',) of each triangle, and `sides_on` (m', 3).
+    """Divide polygons into triangles; return also the polygon (m',) of each triangle, and its lines (`Sheet.sides_on`).
 
     parent : (c,) uncut face of each polygon. Raises PatternError for triangles without area."""
     F, cell = triangulate(cells, X)
@@ -210,8 +210,8 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
     """Return the distinct levels of field k.
 
-    Equal levels of a field (n,) leave one level if their number is odd, and none if it is even. Equal levels of a field
-    (n, 2) leave one level."""
+    For a field (n,), two equal levels cancel each other: an odd number leaves one level, an even number leaves none.
+    For a field (n, 2), equal levels count as one level."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
@@ -264,7 +264,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Return values (n',) or (n', 2) at a sheet's vertices; the field is linear on parts of uncut faces."""
+    """Return values (n',) or (n', 2) at a sheet's vertices, of a field that is linear on each part of its division."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

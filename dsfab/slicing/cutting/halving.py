@@ -15,17 +15,17 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import link_components
 
 GAIN = 0.45
-"""Halving goes beyond its limits if log2(P95 / P5) of the spacings falls by more than this (P: percentiles).
-Structures without the lines that are removed then are up to a tenth softer."""
+"""Halving goes beyond its limits if this lowers log2(P95 / P5) of the spacings by more than GAIN (P: percentiles).
+The removal of these additional lines makes structures up to a tenth softer."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineHalving:
-    """Polygons between the lines that remain after halving.
+    """Polygons between the lines that remain after halving, which removes every second line.
 
     mesh   : the polygons.    level : (c, 2) number of halvings of each family in each polygon.
-    phases : both fields, with values moved onto whole numbers nearby.
-    first  : the family that was halved first. Lines of the other family may end on its lines."""
+    phases : fields of the two families; values near a whole number are moved onto this number.
+    first  : the family that was halved first. Lines of the second family may end on lines of the first family."""
 
     mesh: PolygonMesh
     level: Ints
@@ -33,13 +33,13 @@ class LineHalving:
     first: int = 0
 
     def drawn_share(self, surface: Surface, family: int, level: int) -> Floats:
-        """Return the fraction (m,) of each face's area that has at most `level` halvings of a family."""
+        """Return the fraction (m,) of each face's area in which lines of a family were halved at most `level` times."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         drawn_area = area * (self.level[:, family] <= level)
         return np.asarray(np.bincount(self.mesh.parent, drawn_area, surface.m) / surface.areas)
 
     def mean_scale(self, surface: Surface, family: int) -> Floats:
-        """Return the mean fraction (m,) of a family's lines that remain in each face."""
+        """Return the fraction of a family's lines that halving leaves, such as 1/2, as the mean (m,) over each face."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         scaled_area = area * 0.5 ** self.level[:, family]
         return np.asarray(np.bincount(self.mesh.parent, scaled_area, surface.m) / surface.areas)
@@ -52,9 +52,9 @@ def halve_lines(
     level_limits: tuple[int, int],
     uncapped_target: tuple[Floats, Floats] | None = None,
 ) -> LineHalving:
-    """Halve two families of lines. A line lies where the phase (n, 1) of its family is a whole number.
+    """Halve two families of lines: remove every second line, once or more. Lines lie where the phase (n, 1) is whole.
 
-    target          : (m,) ideal number of halvings, for each family. An opening takes the mean, see `split_value`.
+    target          : (m,) ideal number of halvings, for each family. An opening takes its mean target (`split_value`).
     level_limits    : largest number of halvings of each family.
     uncapped_target : (m,) targets without limits, used if they make spacings more even by `GAIN`."""
     mesh, uncapped_target = PolygonMesh.from_surface(surface), uncapped_target or target
@@ -111,7 +111,7 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """Return a mask (p,) of the inner edges that lie on remaining lines or beside blank faces.
+    """Return a mask (p,) of the inner edges that lie on lines which halving keeps, or beside faces without a field.
 
     period : (c,) in a polygon, every period-th line remains. Between two polygons, the smaller period counts.
     The function compares the middles of strips, because rounding errors do not change them."""
@@ -130,8 +130,8 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
     """Return the number of halvings (c,) of each polygon, up to `level_limit`.
 
-    It is the mean target in the polygon's opening, rounded down with `split_value`. Uncapped targets are used if they
-    make spacings more even by `GAIN`."""
+    It is the mean of `target` over the polygon's opening, rounded down with `split_value`. The function uses
+    `uncapped_target` instead if this reduces the spread of spacings by more than `GAIN`."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
     count, opening = link_components(len(mesh.parent), owner[slot_a[open_]], owner[slot_b[open_]])

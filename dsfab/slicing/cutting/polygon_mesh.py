@@ -23,9 +23,9 @@ class PolygonMesh:
 
     F       : (m, 3) faces of the uncut surface.
     weights : (n', n) barycentric weights of the vertices on the uncut vertices.
-    parent  : (c,) uncut face of each polygon.    family : (c,) field that made a polygon material, or `VOID`.
-    again   : (c,) mask of material that later fields divide again.
-    also    : (c,) at a crossing, the second family that makes a polygon material; else `VOID`.
+    parent  : (c,) uncut face of each polygon.    family : (c,) number of the field with material here, or `VOID`.
+    again   : (c,) mask of the material polygons that later fields also divide.
+    also    : (c,) number of the second field with material here, at a crossing; else `VOID`.
     stubs   : number of removed and straightened stripes.
     lines   : lines of the polygons' sides, see `Cells.sides_on`."""
 
@@ -58,7 +58,7 @@ class PolygonMesh:
         return cls.from_cells(F, Cells.triangles(F), V, sheet.weights, sheet.parent, sheet.family).with_lines_of(sheet)
 
     def with_lines_of(self, sheet: Sheet) -> Self:
-        """Return the mesh with the lines of a sheet, whose triangles must be the polygons of this mesh."""
+        """Return the mesh with the cut lines of a sheet. The sheet's triangles must be the polygons of this mesh."""
         return replace(self, cells=Cells.triangles(sheet.surface.F, sheet.sides_on), lines=sheet.lines)
 
     @classmethod
@@ -68,7 +68,7 @@ class PolygonMesh:
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Return the mesh after field k made polygons (c,) material; new material in blank faces (m,) becomes nodes."""
+        """Return the mesh after field k made polygons (c,) material; in faces `blank` (m,), they become crossings."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
@@ -86,7 +86,7 @@ class PolygonMesh:
 
     @cached_property
     def face(self) -> Ints:
-        """(h,) the parent face of each slot."""
+        """(h,) the parent face of each polygon corner."""
         return np.asarray(self.parent[self.cells.owner])
 
     @cached_property
@@ -95,7 +95,7 @@ class PolygonMesh:
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
-        """Return the mesh divided by a split; lines : (l or 1, c' or 1) for each level in each new polygon, or None."""
+        """Return the mesh divided by a split. lines : (l or 1, c' or 1) lines by level and new polygon, or None."""
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
         names, source = ("parent", "family", "again", "also"), split.source
@@ -106,8 +106,8 @@ class PolygonMesh:
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
         """Slots (p,), (p,), (p,) of the inner edges.
 
-        The first two arrays: the slot of the edge in its first, and in its second polygon. The third array: the second
-        polygon's slot at the vertex where the side of the first slot begins."""
+        The first two arrays: the slot of the edge in its first, and in its second polygon. The third array: the slot in
+        the second polygon that has the same vertex as the slot in the first polygon."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -136,7 +136,7 @@ class PolygonMesh:
         return np.ascontiguousarray(self.F.T)
 
     def corner(self, face: Ints, vertex: Ints) -> Ints:
-        """Return the number (k,), 0 to 2, of the uncut vertices (k,) among the corners of the uncut faces (k,)."""
+        """Return for each uncut face (k,) the number (k,), 0 to 2, of its corner at the uncut vertex (k,)."""
         _, second, third = self._corners
         return np.asarray((second[face] == vertex) + 2 * (third[face] == vertex))
 
@@ -149,7 +149,7 @@ def _rim(surface: Surface) -> Ints:
 
 
 def corner_places(F: Ints, vertex: Ints) -> Ints:
-    """Return the number (k,), 0 to 2, of the vertices (k,) among the corners of the faces (k, 3)."""
+    """Return for each face (k, 3) the number (k,), 0 to 2, of its corner at the vertex (k,)."""
     _, second, third = F.T
     return np.asarray((second == vertex) + 2 * (third == vertex))
 
@@ -169,7 +169,7 @@ class Contacts:
     """Stretches (k,) of outline along which two parts (p,) touch.
 
     parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
-    links  : (l, 2) consecutive stretches around a part. Stretch i has the number i + k on its second part.
+    links  : (l, 2) consecutive stretches around a part. Stretch i is i around parts[i, 0], i + k around parts[i, 1].
     around : (p,) length of each part's outline, metres."""
 
     parts: Ints
@@ -179,9 +179,9 @@ class Contacts:
 
     @classmethod
     def from_parts(cls, mesh: PolygonMesh, part: Ints, anchor: Bools) -> "Contacts":
-        """Return the contacts of parts (c,); consecutive sides between the same two parts make one stretch.
+        """Return the contacts of parts of the mesh; adjacent sides between the same two parts form one stretch.
 
-        anchor : (n,) uncut vertices at which stripes may end."""
+        part : (c,) the part of each polygon.    anchor : (n,) mask of uncut vertices at which stripes may end."""
         slot_a, slot_b, _ = mesh.neighbours
         owner, cells = mesh.cells.owner, mesh.cells
         f, g = part[owner[slot_a]], part[owner[slot_b]]
@@ -220,9 +220,9 @@ class Contacts:
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
     def dead_ends(self, gone: Bools) -> Bools:
-        """Return a mask (p,) of the parts with one contact only, which is shorter than half of their outline.
+        """Return a mask (p,) of the parts with one contact only, which is shorter than half of the part's outline.
 
-        Consecutive stretches are one contact.    gone : (p,) mask of removed parts."""
+        Adjacent stretches (see `Contacts`) are one contact.    gone : (p,) mask of removed parts."""
         part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
         live[row] = True
@@ -233,7 +233,7 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
-        """Return the parts (k,) with a single neighbour along a single stretch, and these neighbours (k,)."""
+        """Return the parts (k,) that touch only one part, along one stretch of outline, and the touched parts (k,)."""
         part, neighbour, _, _ = self._remaining(gone)
         is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
         return part[is_single], neighbour[is_single]
@@ -242,7 +242,7 @@ class Contacts:
         """Return a mask (p,) of the remaining parts that lose their last connection by a removal of parts.
 
         A connection leads to an edge of the surface, to an anchor, or to a part in `stays` (p,).
-        before, gone : (p,) masks of the removed parts, before and after the removal."""
+        before : (p,) mask of the parts removed earlier.    gone : (p,) mask of all removed parts."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:

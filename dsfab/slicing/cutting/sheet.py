@@ -49,7 +49,7 @@ class SheetPart:
 
     @cached_property
     def parent_edges(self) -> Ints:
-        """(e,) number in `cut_surface` of each edge of the part."""
+        """(e,) for each edge of `surface`, its number in `cut_surface`."""
         edges = np.empty(len(self.surface.edges.ends), dtype=np.int64)
         edges[self.surface.edges.of] = self.cut_surface.edges.of[self.cells]
         return edges
@@ -65,11 +65,11 @@ class LineKind(IntEnum):
 
     NONE = 0  # no line: the side lies inside the material or inside the void
     RIM = 1  # the boundary of the uncut surface
-    END = 2  # edges of the uncut mesh at which stripes end, because the next face has no phase
+    END = 2  # edges of the uncut mesh at which stripes end, because the face beyond the edge has no field
     LEVEL = 3  # an edge of a stripe, or the outline of a kept region
-    FILLET = 4  # the chords of a round corner
-    STRIP = 5  # the outline of a bridge, a straightened bar or a widening strip
-    DISC = 6  # the outline of discs of material at point contacts
+    FILLET = 4  # the arc of a round corner, made of chords
+    STRIP = 5  # the outline of added material: a bridge, a straight bar, or a strip that widens a member
+    DISC = 6  # the outline of a disc of material that covers a point contact
     CHORD = 7  # straight lines along which spikes were cut off
 
 
@@ -99,7 +99,7 @@ class CutLines:
         return len(self.kind)
 
     def with_more(self, kind: LineKind, count: int, field: int = -1, circle: Floats | None = None) -> "CutLines":
-        """Return the lines and `count` more of a kind; circle : (count, 7) see `CutLines`."""
+        """Return these lines, followed by `count` new lines of a kind. circle : (count, 7) see `CutLines`."""
         number = np.arange(count) + (0 if kind == LineKind.LEVEL else int((self.kind == kind).sum()))
         circle = np.zeros((count, 7)) if circle is None else circle
         columns = (np.full(count, int(kind)), np.full(count, field), number, circle)
@@ -115,11 +115,11 @@ class Sheet:
     family   : (m',) index of the field that made a cell material; `VOID` (-1) for void cells.
     weights  : (n', n) barycentric weights of the vertices on the uncut vertices, up to three in each row.
     stubs    : number of places where stripes were removed or straightened.
-    sides_on : (m', 3) row of `lines` for each half-edge. If all cells are material, exactly the outline has lines:
+    sides_on : (m', 3) for each half-edge, the index of its line in `lines`. Without void, only the outline has lines:
 
                    3
                +-------+.  5               1    : the rim, where a stripe ends at the boundary of the surface
-             1 |0   0 / 0 `+               3, 4 : both edges of the stripe, `LineKind.LEVEL`
+             1 |0   0 / 0 `+               3, 4 : the two edges of the stripe, `LineKind.LEVEL`
                |  / 0   0  | 4             5    : a fillet, with its circle
                +-----------+               0    : inside the material
                      4"""
@@ -135,7 +135,7 @@ class Sheet:
     def __post_init__(self) -> None:
         lock(self, "parent", np.int64, (None,))
         lock(self, "family", np.int64, (None,))
-        if len(self.sides_on) != self.surface.m:  # without `sides_on`, no side has a line
+        if len(self.sides_on) != self.surface.m:  # without `sides_on`, no half-edge lies on a line
             object.__setattr__(self, "sides_on", np.zeros((self.surface.m, 3), dtype=np.int64))
         lock(self, "sides_on", np.int64, (self.surface.m, 3))
         weights = csr_array(self.weights, copy=True)
@@ -261,7 +261,7 @@ class Sheet:
 
     @cached_property
     def lines_of_edges(self) -> Ints:
-        """(m', 3) the line of each half-edge. A half-edge without a line gets the line of its opposite half-edge."""
+        """(m', 3) index in `lines` of each half-edge. If it has no line, it gets the line of its opposite half-edge."""
         line, twin = self.sides_on.ravel(), self.surface.edges.twins
         return np.where((line == 0) & (twin >= 0), line[twin], line).reshape(-1, 3)
 
@@ -274,7 +274,7 @@ class Sheet:
 
 
 def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
-    """Return columns and values (k, 3) of the nonzero weights in each row of (k, n); rows with fewer end with 0."""
+    """Return columns and values (k, 3) of the nonzero weights in each row of (k, n); shorter rows end with zeros."""
     count = np.diff(weights.indptr)
     place = np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], count)
     row = np.repeat(np.arange(len(count)), count)

@@ -17,9 +17,9 @@ class Split:
 
     cells  : the new polygons. New sides on level l have -1 - l in `sides_on`. Old sides keep their line, if any.
     source : (c',) the old polygon that contains each new polygon.
-    strip  : (c',) number of levels below each new polygon; -1 for inactive polygons.
+    strip  : (c',) number of levels below each new polygon; -1 for polygons that were not to be split.
     low, high, t : (k,) a new vertex lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
-    side, level  : (k,) slot of the old side of a new vertex, and the value of its level."""
+    side, level  : (k,) the old side that each new vertex lies on (a slot, see `Cells`), and the field's value there."""
 
     cells: Cells
     source: Ints
@@ -32,7 +32,7 @@ class Split:
 
     @classmethod
     def unchanged(cls, cells: Cells, active: Bools) -> "Split":
-        """Return polygons that no level cuts; the active polygons (c,) are in strip 0."""
+        """Return polygons that no level cuts; `strip` is 0 for the polygons `active` (c,), and -1 for all others."""
         no_index, no_value = np.empty(0, dtype=np.int64), np.empty(0)
         new_vertices = _NewVertices(no_index, no_index, no_value, no_index, no_value)
         return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), *new_vertices)
@@ -52,10 +52,10 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class SideValues:
-    """Values (h,) of a field at the start and the end of every side, as the side's own polygon sees it.
+    """Values (h,) of a field at the start and the end of every side, with the field's sign in the side's own polygon.
 
     foreign : (k,) sides of polygons without a value. They take the values of the polygon on their other side.
-    own     : (h,) the field at the slots."""
+    own     : (h,) the field at the polygon corners."""
 
     start: Floats
     end: Floats
@@ -64,12 +64,12 @@ class SideValues:
 
     @classmethod
     def from_vertices(cls, cells: Cells, x: Floats) -> "SideValues":
-        """Return the values for a field x (n,) on the vertices."""
+        """Return the side values of a field that has values x (n,) at the vertices."""
         return cls.from_slots(cells, x[cells.corner])
 
     @classmethod
     def from_slots(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
-        """Return the values for a field y (h,) at the slots; foreign : (h,) sides of polygons without a value."""
+        """Return the side values of a field y (h,) at polygon corners. foreign : (h,) sides without a value."""
         if foreign is None or not foreign.any():
             return cls(y, cells.next_values(y), np.empty(0, dtype=np.int64), y)
         start, end = y.copy(), cells.next_values(y)
@@ -78,7 +78,7 @@ class SideValues:
         which = np.flatnonzero(foreign)
         touched = np.zeros(int(a.max()) + 1, dtype=bool)
         touched[a[which]] = touched[b[which]] = True
-        candidates = np.flatnonzero(touched[a] & touched[b])  # no other side can share an edge with the sides `which`
+        candidates = np.flatnonzero(touched[a] & touched[b])  # only these sides can share an edge with `which`
         p, q = a[candidates], b[candidates]
         order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
         first_slot = np.minimum.reduceat(np.where(foreign[candidates], len(a), candidates)[order], begins)[edge]
@@ -92,9 +92,9 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """Return places (h,) of the starts and ends of sides: 2 k + 1 on a level, else 2 k, if k levels are below.
+        """Return places (h,) of the starts and ends of sides. With k levels below: 2 k + 1 on a level, 2 k elsewhere.
 
-        only : slots (k,) to evaluate; other slots get 0."""
+        only : sides (k,) to evaluate, as slots (see `Cells`); all other sides get 0."""
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)
             start[only], end[only] = _level_places(self.start[only], levels), _level_places(self.end[only], levels)
@@ -110,16 +110,16 @@ class SideValues:
 
 @dataclass(frozen=True, eq=False)
 class _Sides:
-    """Crossings of sides (h,) with levels.
+    """Crossings of polygon sides (h,) with the levels of a field.
 
     low   : number of levels at or below the lower end.
-    count : number of levels strictly between both ends; 0 if no active polygon has the side.
+    count : number of levels strictly between the two ends; 0 if no polygon with this side is to be cut.
     first : the new vertex nearest to the lower end. Polygons with a common side share its new vertices.
     up    : True if the side runs from the lower to the higher end.    flat : True if it lies wholly on a level.
     along : True if the numbers of the new vertices increase from the side's start to its end.
 
         lower end o------x-------x----o higher end      low = 2, count = 2, new vertices first + 0, first + 1
-                     2   |   3   |  4                   strips 2, 3, 4
+                     2   |   3   |  4                   strips 2, 3, 4: with 2, 3, 4 levels below
                       levels[2] levels[3]"""
 
     low: Ints
@@ -150,24 +150,24 @@ def split_cells(
     above: Bools | None = None,
     live: Bools | None = None,
 ) -> Split:
-    """Cut the active polygons on n vertices by straight chords, along every level of a field on their sides.
+    """Cut the active polygons by straight chords between the points of their sides where a field has a level value.
 
     Two polygons get the same vertices on their common edge, even if they see the field with different sign or shift.
 
-    levels : (l,) strictly ascending. A side on a level belongs to the strip of the side before it.
+    levels : (l,) strictly ascending. A side on a level belongs to the strip of the side before it.    n : vertices.
     active : (c,) mask of polygons. Inactive polygons only get new vertices on sides that they share with active ones.
-    above  : (l,) True puts a polygon on this level into the strip above; default: into the even strip, void.
+    above  : (l,) True puts a polygon on this level into the strip above; default: into the even strip, which is void.
     live   : (h,) sides that get new vertices even without an active polygon."""
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
-    if live is not None and not active.any():  # only polygons at live sides change
+    if live is not None and not active.any():  # only polygons with a side in `live` can change
         only = cells.slots(np.flatnonzero(cells.per_polygon(np.logical_or, live)))
     ends = x.places(cells, levels, only)
     lowest, highest = (cells.per_polygon(np.minimum, ends[0]) + 1) // 2, cells.per_polygon(np.maximum, ends[0]) // 2
     if len(x.foreign):
         lowest = np.minimum(lowest, (cells.per_polygon(np.minimum, ends[1]) + 1) // 2)
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
-    # the strip of each polygon; final if no level cuts the polygon
+    # the strip of each polygon that no level cuts; other polygons get strips after the split
     strip = np.where(highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest)
     strip[~active] = -1
     sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
@@ -205,9 +205,9 @@ def _sides(
     places: tuple[Ints, Ints],
     live: Bools | None,
 ) -> tuple[_Sides, _NewVertices]:
-    """Return the crossings of all sides, and the new vertices. Polygons with a common edge share its vertices.
+    """Return the crossings of all sides with levels, and the new vertices. Polygons share vertices on common edges.
 
-    slots : (h,) slots of `cells` among all polygons; x, `places` and `live` refer to all polygons."""
+    slots : (h,) for each side in `cells`, its index in x, `places` and `live`, which have values for all polygons."""
     a, b = cells.corner, cells.next_values(cells.corner)
     start, end, start_place, end_place = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
     up = start < end
@@ -219,7 +219,7 @@ def _sides(
     gets_vertices = active[cells.owner[crossed]]
     if live is not None:
         gets_vertices = gets_vertices | live[slots[crossed]]
-    if len(x.foreign) and len(first_sides):  # take the edge's first polygon with values
+    if len(x.foreign) and len(first_sides):  # an edge takes the values of its first polygon with values
         foreign = np.zeros(len(x.start), dtype=bool)
         foreign[x.foreign] = True
         rank = np.where(foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
@@ -243,9 +243,9 @@ def _sides(
 
 
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
-    """Return the polygons with the new vertices as corners, and the strip of each side.
+    """Return the polygons with the new vertices as corners, and the strip (number of levels below) of each side.
 
-    A side on a level gets the strip of the nearest earlier side that lies on no level. Such a side must exist."""
+    A side on a level gets the strip of the nearest earlier side on no level. Each polygon needs a side on no level."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
@@ -262,7 +262,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # no earlier side: take the last side's strip
+    before = source < cells.start[:-1][cells.owner]  # no earlier side: take the polygon's last side on no level
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
@@ -301,7 +301,7 @@ def _with_pieces(
 ) -> Split:
     """Replace the polygons `which` (k,) by their pieces, in order.
 
-    sides_on, strip : (h,) and (c,) of all polygons before the replacement, see `Cells` and `Split`."""
+    sides_on, strip : lines (h,) of all sides, and strips (c,) of all polygons, before the replacement."""
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(row, minlength=len(which))
@@ -368,6 +368,6 @@ def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
         return divided
     cells = split.cells.subset(divided)
     area, squared_reach = cells.areas(X)
-    flat = 1e-12 * squared_reach  # the corners of such a cell lie on one line
+    flat = 1e-12 * squared_reach  # with less area, the corners of a cell lie on one line
     bad = area <= np.maximum(CELL_AREA * size**2, flat)
     return np.unique(cells.corner[bad[cells.owner]])

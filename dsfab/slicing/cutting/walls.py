@@ -87,7 +87,7 @@ class Walls:
         return np.asarray(np.cumsum(self.total) - self.total)
 
     def walls_at(self, chain: Ints, place: Floats) -> Ints:
-        """Return the walls (k,) at distances `place` (k,) from the starts of chains (k,), metres."""
+        """Return the walls (k,) at distances `place` (k,), metres, along the chains of walls `chain` (k,)."""
         before = self.chain_offsets
         wall = np.searchsorted(before[self.chain] + self.place, before[chain] + place, side="right") - 1
         return np.clip(wall, self.begin[chain], self.begin[chain + 1] - 1)
@@ -193,7 +193,7 @@ class Stretches:
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
     def overlaps(self, stretches: "Stretches", count: int) -> Bools:
-        """Return a mask (count,) of the parts that overlap `stretches`, which must be disjoint."""
+        """Return a mask (count,) of this object's parts that overlap `stretches`, which must be disjoint."""
         if not len(stretches.low):
             return np.zeros(count, dtype=bool)
         order = np.argsort(stretches.low)

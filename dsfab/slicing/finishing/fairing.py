@@ -16,15 +16,15 @@ from dsfab.surface import Surface
 from dsfab.surface.topology import next_half_edge
 
 CORNER = float(np.radians(25))  # Smallest turn of a wall at a corner, radians.
-REACH = 2.0  # Waves of a wall that are shorter than 2 pi REACH segments disappear.
-BEND = 0.4  # Length b in `faired_walls`, in segments: sharp bends become weaker.
+REACH = 2.0  # Length a in `faired_walls`, in wall segments: waves shorter than 2 pi a disappear.
+BEND = 0.4  # Length b in `faired_walls`, in wall segments; it makes sharp bends weaker.
 
 
 class Freedom(NamedTuple):
     """Directions in which wall vertices (k,) may move without leaving their uncut edge or face.
 
     along : (k, 2, 3) up to two unit vectors; 0 for a missing direction.
-    share : (k, 2, 3) change of the weights in the columns `column` (k, 3), per metre in each direction.
+    share : (k, 2, 3) change of a vertex's weights on the uncut vertices `column` (k, 3), per metre in each direction.
     most  : (k,) largest move, metres: a tenth of the mesh edge."""
 
     vertex: Ints
@@ -54,9 +54,9 @@ def faired_walls(sheet: Sheet) -> Sheet:
 
 
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
-    """Return the possible moves of vertices (k,); weights : (k, n) on the uncut vertices, which never move.
+    """Return the possible moves of vertices (k,). weights : (k, n) their barycentric weights on the uncut vertices.
 
-    A vertex on a mesh edge can move along this edge. A vertex in a face can move anywhere in the face."""
+    A vertex on a mesh edge can move along this edge, a vertex in a face anywhere in the face. Uncut vertices stay."""
     column, weight = weight_entries(weights)
     has_weight = weight > 0
     count = has_weight.sum(axis=1)
@@ -124,7 +124,7 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return weights of points P (k, order + 1, 3) for a derivative along their line, and lengths for its integral."""
+    """Return weights of points P (k, order + 1, 3) for a derivative along a line, and lengths (k,) for its integral."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -133,7 +133,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Return a matrix whose product with the steps is, in row k, the sum over j of value[k, j] . step of q[k, j]."""
+    """Return the matrix A with (A step)_k = sum over j of value[k, j] . (step of q[k, j]). Return also `value`."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
@@ -150,7 +150,7 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
-    slimmest, halvings = 0.5, 7  # smallest angle, degrees; maximum halvings of a step
+    slimmest, halvings = 0.5, 7  # smallest angle of a cell, degrees; how often a step may be halved
     for attempt in itertools.count():  # repeat, because a shortened step may make the next cell slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
@@ -238,7 +238,7 @@ def _halves(sheet: Sheet, half_edge: Ints, new_vertex: Ints) -> tuple[Ints, Ints
 
 
 def _keeps_angles(sheet: Sheet, division: Division) -> Bools:
-    """Return a mask (k,) of new vertices whose four cells keep half of their former smallest angle, or 2 degrees."""
+    """Return a mask (k,) of new vertices whose cells stay wide: all angles reach 2 degrees or half the former least."""
     surface = sheet.surface
     V, number = np.concatenate([surface.V, division.V]), surface.n + np.arange(len(division.wall))
     accepted = np.ones(len(division.wall), dtype=bool)

@@ -40,11 +40,11 @@ class DiscStops:
 
 
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
-    """Yield corners (p,) where rolling discs of `radius` metres stop in openings, and arcs (p,) at these corners.
+    """Yield corners (p,) where discs of `radius` metres, rolled along walls, touch two walls, and arcs (p,) for them.
 
-    The function yields twice: arcs at the vertices nearest to the discs, then arcs at the farthest vertices. On a
-    curved surface, an arc may fit at one of these vertices only.
-    taken : stretches of walls; their corners are left out."""
+    The function yields two sets of arcs: at the wall vertices nearest to the discs, then at the farthest vertices.
+    On a curved surface, an arc may fit at one of these vertices only.
+    taken : stretches of walls; corners on these stretches are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
@@ -104,7 +104,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return stops beyond which the opening stays narrow, and the nearest and farthest wall (p,) beyond each stop."""
+    """Return the disc stops beyond which the opening stays narrow, and the nearest and farthest wall (p,) beyond."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -141,10 +141,10 @@ class Fillets:
     normal, distance : (k, c, 3), (k, c) outward normals of the chords' planes, and metres from the origin.
     ray, ray_distance : (k, 2, 3), (k, 2) normals of the rays' planes, and metres from the origin.
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
-    pair : (p, 2) number of an arc, and a void cell partly beyond its chords that is connected to the corner.
+    pair : (p, 2) an arc, and a void cell that lies partly beyond the arc's chords and is connected to its corner.
 
-    An arc fills the region beyond a chord and between both rays. A ray leads from the arc's centre through an end of
-    the arc. Only arcs with other void beyond their chords need rays. Unused planes have a normal of 0."""
+    An arc fills the region beyond a chord and between two rays. A ray leads from the arc's centre through an end of
+    the arc. Only arcs with distant void beyond their chords need rays. Unused planes have a normal of 0."""
 
     wall: Ints
     circle: Floats
@@ -164,11 +164,11 @@ class Fillets:
         return np.asarray(self.circle[:, 6])
 
     def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
-        """Return metres (p,) by which points X (p, 3) lie beyond the chords of arcs (p,): the largest value."""
+        """Return the largest distance (p,), metres, of points X (p, 3) beyond the chords' planes of arcs (p,)."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def outside_rays(self, arc: Ints, X: Floats) -> Floats:
-        """Return metres (p,) by which points X (p, 3) lie outside both rays of arcs (p,): the larger value."""
+        """Return the larger distance (p,), metres, of points X (p, 3) outside the two ray planes of arcs (p,)."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
     def subset(self, chosen: Bools) -> "Fillets":
@@ -188,7 +188,7 @@ class Fillets:
 
 
 def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
-    """Return arcs at corners of openings: of `radius` metres where a disc stops, smaller ones at other corners.
+    """Return arcs at corners of openings: of `radius` metres where a rolling disc stops at two walls, else smaller.
 
     Corners stay sharp if no arc fits."""
     corners, accepted, taken = Corners.from_walls(sheet.walls), list[Fillets](), list[Stretches]()
@@ -202,7 +202,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
             taken.append(tips.subset(clear).stretches(arcs.subset(clear)))
             corners = corners.with_arc_feet(tips.subset(clear), arcs.subset(clear))
     radii = corners.largest(radius)
-    smallest = 0.02 * radius  # radius; a corner stays sharp if no larger arc fits
+    smallest = 0.02 * radius  # smallest radius of an arc; a corner stays sharp if no larger arc fits
     waiting = np.flatnonzero(radii >= smallest)
     for _ in range(12):
         arcs, factor = corners.arcs(waiting, radii[waiting])
@@ -261,7 +261,7 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """Return a mask (k,) of arcs that fill only void near their corner, hardly beyond their points of contact.
+    """Return a mask (k,) of arcs that fill only void near their corner: up to 1.1 times the way to a point of contact.
 
     At a fold, an arc could also fill distant void beyond its chords. Distances are measured in the corner's plane."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
@@ -272,7 +272,7 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
         flat = np.einsum("p...i,pji->p...j", X - corners.origin[row][:, None], corners.frames[row])
         return np.asarray(np.linalg.norm(flat, axis=-1) > reach[arc][:, None])
 
-    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # nearer cells need no check
+    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # cells within reach need no check
     arc, X = arc[far_rows], surface.V[surface.F[cell[far_rows]]]
     bad = np.zeros(len(corner_rows), dtype=bool)
     for c in range(fillets.normal.shape[1]):
@@ -341,7 +341,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
     """Return the group (k,) of each arc. Cells of two arcs in a group have no common vertex.
 
     arc : (p,) arc of each cell.    corner : (p, 3) vertices of each cell.
-    A group takes the arcs with the lowest rank at all their vertices. Scattered ranks give few groups."""
+    Each group takes the remaining arcs with the lowest rank at all their vertices. Scattered ranks give few groups."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -388,7 +388,7 @@ def _filled_corners(
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
-    """Return the distance (n',) of the active polygons' vertices beyond their arcs' planes, metres; 0 within `snap`."""
+    """Return the distance (n',), metres, of vertices in polygons `active` beyond their arc's plane; 0 within `snap`."""
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, arc_of_slot = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
     height = np.einsum("ki,ki->k", normal[arc_of_slot], mesh.X[vertex]) - distance[arc_of_slot]

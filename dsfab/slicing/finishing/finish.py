@@ -5,7 +5,7 @@ polygons                                cells
 ends        join stripes at a node      pinches   join or split point contacts
 closed      close marked openings       filled    fill small openings and crumbs
 loose_ends  cut stripes back            merged    fill slits, also after fairing
-stubs       remove stripes to a node    bridged   bridge necks
+stubs       remove ends near a node     bridged   bridge necks
 bars        straighten bent bars        spikes    cut off teeth
                                         rounded   round corners; then bridge and widen narrow places
                                         widths    keep minimum widths of openings and members
@@ -79,7 +79,7 @@ def tidied_polygons(
 def polygon_passes(
     surface: Surface, fields: Sequence[Field], lines: Sequence[Floats], tidy: Tidy
 ) -> Iterator[tuple[str, PolygonPass]]:
-    """Yield the passes over the polygons in order, each with a name for its count; lines : levels of each field."""
+    """Yield the steps that tidy the polygons, in order, each with its counter's name. lines : levels of each field."""
     yield "ends", partial(with_meeting_ends, fields=fields, levels=lines)
     yield "closed", partial(with_closed_openings, closed=tidy.closed)
     yield "loose_ends", partial(without_loose_ends, tidy=tidy)
@@ -93,8 +93,8 @@ class FinishingOptions(NamedTuple):
     snap, pinch : as in [slicing].    thickness : of the sheet.
     sized     : True if the preset sets the smallest opening.
     opening   : openings under this size are filled; 0 for none.
-    merge     : slits to fill. With "none", the options neck and member have no effect.
-    neck      : smallest width of an opening's neck without a bridge; 0 for none.
+    merge     : which slits are filled. With "none", the options neck and member have no effect.
+    neck      : narrower necks of openings get a bridge; 0 for no bridges.
     fillet    : radius of round corners; 0 for none.
     member    : minimum width of members between round corners; 0 for none.
     least     : minimum widths of openings and of members; 0 for no limit.
@@ -139,12 +139,12 @@ class FinishedSheet:
     shape: str = ""
 
     def with_cells(self, cells: Sheet, **counts: int) -> "FinishedSheet":
-        """Return the cells after a pass, with more counts."""
+        """Return this object with the cells after a pass; the numbers `counts` are added to its counts."""
         return replace(self, cells=cells, counts=self.counts + Counter(counts))
 
 
 Pass = Callable[[FinishedSheet], FinishedSheet]
-"""A pass over the cells: it returns all cells, and adds the number of changed details to the counts."""
+"""A pass over the cells: it returns a sheet with all cells, and adds its number of changes to the sheet's `counts`."""
 
 
 def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> FinishedSheet:
@@ -155,7 +155,7 @@ def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "Tria
 
 
 def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
-    """Yield all passes over the cells in order, each with its name. Passes that `trial` contains are not repeated."""
+    """Yield all passes over the cells in order, each with its name. Passes that a trial cut has run are left out."""
     if trial:
         unrounded = trial.unrounded
         yield "trial", lambda _: unrounded
@@ -170,9 +170,9 @@ def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" =
 
 
 def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
-    """Yield the passes before the rounding of corners, in order, each with a name for its count."""
+    """Yield the passes that run before corners are rounded, in order, each with its name in `FinishedSheet.counts`."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
-    slits_first = merges and not options.sized  # because most small openings are slits
+    slits_first = merges and not options.sized  # most small openings are slits, so slits are filled first
     yield _counting_pass("pinches", partial(resolve_pinches, radius=options.thickness / 2, rule=options.pinch))
     if opening and not slits_first:
         yield _counting_pass("filled", partial(filled_openings, size=opening))
@@ -237,7 +237,8 @@ def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSh
 
 
 def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions) -> tuple[Sheet, int, int]:
-    """Add bridges or widen members where `rounded` is too narrow; return the cells, and the number of each."""
+    """Add bridges to `cells` where openings of `rounded` are too narrow. If there are none, widen narrow members.
+    Return the cells, the number of bridges, and the number of widened places."""
     if options.merge == "none":
         return cells, 0, 0
     if options.neck:
@@ -252,7 +253,7 @@ def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions)
 def _with_least_widths(
     sheet: FinishedSheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None
 ) -> FinishedSheet:
-    """Widen narrow places, then improve the cells. The new strips have tiny edges, which harm finite elements."""
+    """Add strips at narrow places. Then improve the cells, because tiny edges of strips harm finite elements."""
     if trial and trial.latest.cells is sheet.cells and trial.least and trial.least[0] == options.least:
         result = trial.least[1]
     else:
@@ -273,10 +274,10 @@ def _with_better_cells(sheet: FinishedSheet, uncut: Surface, tolerance: float) -
 
 @dataclass(frozen=True, eq=False)
 class TrialCut:
-    """A partly finished cut from the search for widths. Slicing with the same options continues from it.
+    """A partly finished cut from the search for widths. Slicing with the same options continues from this cut.
 
-    inputs  : fields, levels and tidy of the pattern.    cells : before finishing.
-    rounded : after the first rounding; None without round corners.    bridged : with bridges.
+    inputs  : fields, levels and `Tidy` rules of the pattern.    cells : before finishing.
+    rounded : sheet after the first rounding; None without round corners.    bridged : sheet with added bridges.
     least   : minimum widths of openings and members, metres, and the sheet with these widths."""
 
     inputs: tuple[object, object, object]
@@ -289,13 +290,13 @@ class TrialCut:
 
     @classmethod
     def from_cells(cls, inputs: tuple[object, object, object], cells: Sheet, options: FinishingOptions) -> "TrialCut":
-        """Finish the cells of a cut, up to the first rounding of corners."""
+        """Run the passes before rounding over the cells of a cut, then round the corners once."""
         unrounded = unrounded_sheet(cells, options)
         rounded = _rounded_once(unrounded, options) if options.fillet else None
         return cls(inputs, options, cells, unrounded, rounded)
 
     def is_cut_of(self, inputs: tuple[object, object, object]) -> bool:
-        """Return whether this cut was made from exactly these fields, levels and tidy (the same objects)."""
+        """Return whether this cut was made from the same objects: fields, levels and `Tidy` rules."""
         return all(a is b for a, b in zip(self.inputs, inputs, strict=True))
 
     def serves(self, inputs: tuple[object, object, object], options: FinishingOptions) -> bool:
@@ -309,12 +310,12 @@ class TrialCut:
 
     @property
     def added_area(self) -> float:
-        """Material that finishing adds up to the first rounding, square metres."""
+        """Area of the material added by all passes until corners were rounded once, square metres."""
         return (self.rounded or self.unrounded).cells.material_area - self.cells.material_area
 
     @property
     def bridged_area(self) -> float:
-        """Material that bridges between round corners add, square metres."""
+        """Area of the bridges that are added after rounding, square metres."""
         if not (self.bridged and self.rounded):
             return 0.0
         return self.bridged.cells.material_area - self.rounded.cells.material_area

@@ -105,7 +105,7 @@ def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
 
 
 LONG, BULKY = 4.0, 0.7
-"""A narrow dead end of an opening has length > LONG radii, and area > BULKY x length x width of its entrance."""
+"""A long dead end of an opening has length > LONG x disc radius, and area > BULKY x length x width of its entrance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class NarrowPart:
     runs: tuple[Floats, ...]
 
     def narrowest(self) -> Floats:
-        """Return the nearest points (2, 2) of two runs."""
+        """Return the two nearest points (2, 2) that lie on different `runs`."""
         pairs = [_nearest_points(a, b) for a, b in combinations(self.runs, 2)]
         return min(pairs, key=lambda points: float(np.linalg.norm(points[1] - points[0])))
 
@@ -127,7 +127,7 @@ class NarrowPart:
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     """Yield parts too narrow for a disc of `radius` metres: necks, whole openings, and long dead ends.
 
-    The runs of a dead end are two stretches near its entrance. Pointed tips and rings of equal width are left out."""
+    `runs` of a dead end are the walls beside its entrance. Pointed tips and rings of equal width are left out."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
@@ -175,7 +175,7 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
 
 
 def _is_alley(run: Floats, radius: float) -> bool:
-    """Return whether a dead end, with the wall (r, 2) around it, is long and does not narrow to a point."""
+    """Return whether a dead end of an opening is long and does not narrow to a point; run : (r, 2) wall around it."""
     mouth, middle = float(np.linalg.norm(run[-1] - run[0])), (run[0] + run[-1]) / 2
     length = float(np.linalg.norm(run - middle, axis=1).max())
     x, y = (run - middle).T
@@ -184,9 +184,9 @@ def _is_alley(run: Floats, radius: float) -> bool:
 
 
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
-    """Return the stretches (s, 2) of the wall (r, 2) on both sides of the entrance of a dead end."""
+    """Return the walls (s, 2) on both sides of the entrance to an opening's dead end; run : (r, 2) wall around it."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
-    low, high = 1.2 * radius, 3.2 * radius  # distances from the entrance, along the walls
+    low, high = 1.2 * radius, 3.2 * radius  # both ends of each wall, in metres from the dead end's entrance
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
         stations = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])

@@ -21,10 +21,10 @@ NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
-    """Return points (k, 2, 3) on both walls where openings are narrower than `least` metres, narrowest first.
+    """Return points (k, 2, 3) on both walls of openings where they are narrower than `least` metres, narrowest first.
 
-    apart  : least distance between two places, metres.    tips : True to include tips.
-    widest : True puts the widest of these places first, such as the entrance of a tip."""
+    apart  : least distance between two pairs of points, metres.    tips : True to include pointed ends of openings.
+    widest : True to sort the narrow places from widest to narrowest."""
     if not cells.has_openings:
         return NOWHERE
     void = cells.void_part
@@ -79,7 +79,7 @@ def _narrowest(part: Surface, across: Crossings, least: float, apart: float, wid
     return ends[chosen]
 
 
-REACH = 0.25  # Length of a bridge beyond each wall of its neck, in widths of the bridge.
+REACH = 0.25  # A bridge extends beyond each wall of the opening by this fraction of the bridge's width.
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
     An opening that is narrow everywhere becomes material. So does a small opening that a bridge cuts off. Tips, and
     openings at the edge of the surface, stay."""
     count = 0
-    for _ in range(4):  # repeat, because necks may remain beside a bridge
+    for _ in range(4):  # repeat, because the opening may remain narrow beside a bridge
         if not cells.has_openings:
             break
         necks, lost = _necks_and_lost_openings(cells, width)
@@ -111,7 +111,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
-    """Add bridges of `width` metres where a rounded sheet has openings under `least` metres; return also their number.
+    """Add bridges of `width` metres where openings of `rounded` are under `least` metres; return also the bridge count.
 
     The function measures in space. So it also finds necks at folds of the surface, which `bridged_necks` misses."""
     for slim in (1.0 * width, 0.5 * width):  # a narrower bridge may fit where a broad one does not
@@ -146,7 +146,7 @@ def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bo
         number, share = flat.nearest_walls(part.narrowest())
         wall = flat.wall[number]
         ends = walls.points(wall, share)
-        if np.linalg.norm(ends[1] - ends[0]) < width:  # wider necks look narrow only in the projection
+        if np.linalg.norm(ends[1] - ends[0]) < width:  # projected openings can look narrower than they are
             necks.append(Neck(ends, (int(wall[0]), int(wall[1]))))
     return necks, lost
 
@@ -171,7 +171,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     half = np.array([1.04 * least / 2, least / 2])
     wall, ends = cells.walls.nearest(narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # a shorter way only leads around the end of a member
+    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # False at the end of a member: the wall around it is short
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
         strips += _strips_at(cells, sides, place, half)
@@ -193,7 +193,7 @@ SNAP = 0.05  # Largest snap onto a strip's side, in half widths of the strip.
 
 
 class LeastWidths(NamedTuple):
-    """Cells, and numbers of filled openings, bridges, strips beside members, filled slits, and bridges in necks."""
+    """Cells, and numbers of filled openings, bridges, strips beside members, filled slits, and bridges added last."""
 
     cells: Sheet
     filled: int
@@ -206,9 +206,9 @@ class LeastWidths(NamedTuple):
 def with_least_widths(
     cells: Sheet, gap: float, member: float, merge: Merging = "none", neck: float = 0.0
 ) -> LeastWidths:
-    """Add material where openings are narrower than `gap`, or members than `member`, metres; 0 for no limit.
+    """Add material where openings are narrower than `gap` metres, or members narrower than `member` metres.
 
-    Members wider than `LOCAL` usual widths stay, and so do members between two edges of the surface.
+    A limit of 0 has no effect. Members over `LOCAL` x `usual_width`, or between two edges of the surface, stay.
 
     merge : slits to fill after widening, because wider members make openings narrower.
     neck  : metres; openings that are still narrower after widening get bridges."""
@@ -255,13 +255,13 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
         places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
         cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
-        if not len(places) or idle == 2:  # stop if both orders of the places gave no bridge
+        if not len(places) or idle == 2:  # two rounds without bridges: both orders of the places were tried
             break
     return cells, total
 
 
 def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
-    """Add strips beside members narrower than `member`, but not at edges of the surface; return also their number."""
+    """Add strips beside members narrower than `member`, except at edges of the surface; return also the strip count."""
     if not len(places := members_under(cells, member, 1.5 * member)):
         return cells, 0
     half = np.array([1.1 * member / 2, 1.5 * member])  # margin for walls that are not parallel

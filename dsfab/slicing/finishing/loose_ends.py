@@ -19,7 +19,7 @@ class Tidy:
     """Rules by which finishing removes stripes.
 
     striped : for each field, True if it has stripes. Material of other fields stays.
-    astray  : for each field, (m,) mask of faces in which its stripes run across their direction, or None.
+    astray  : for each field, (m,) mask of faces in which its stripes have the wrong direction, or None.
     anchor  : (n,) mask of vertices at which stripes may end: supports and loads.
     closed  : for each field, (n,) values or None. An opening with a positive mean value becomes material."""
 
@@ -32,10 +32,10 @@ class Tidy:
         lock(self, "anchor", np.bool_, (None,))
 
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """Return a mask (c,) of the stripes of field k that touch a `blank` or `astray` face.
+        """Return a mask (c,) of stripes of field k that touch faces in the mask `blank` or in `astray[k]`.
 
-        Finishing may remove these stripes. So later fields divide them, too.
-        blank : (m,) faces without a phase of field k, and the faces beside them."""
+        Finishing may remove these stripes, so later fields also cut their polygons.
+        blank : (m,) faces without values of field k, and the faces beside them."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
             return np.zeros_like(own_polygons)
@@ -48,7 +48,7 @@ class Tidy:
         return np.asarray(own_polygons & np.isin(part, part[touched]))
 
 
-CLOSED = -2  # `PolygonMesh.also` of polygons in openings that became material: stripes may end there.
+CLOSED = -2  # Value of `PolygonMesh.also` in openings that became material. Stripes may end in this material.
 
 
 def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> tuple[PolygonMesh, int]:
@@ -78,7 +78,7 @@ CROSSING, KEPT, NODE = -1, -2, -3  # Kinds of polygons. Other polygons have the 
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove parts of stripes that run across their direction, then dead ends; return also the number of parts."""
+    """Remove parts of stripes with the wrong direction, then dead ends; return also the number of removed parts."""
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
     loose, islands = _loose_polygons(mesh, tidy.anchor, part, gone, stays)
@@ -87,16 +87,16 @@ def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]
 
 
 def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
-    """Return a mask (c,) of `nodes` (c,), and of stripes that would be dead ends without these nodes."""
+    """Return a mask (c,) of `nodes`, and of stripes that become dead ends without `nodes`; nodes : (c,) mask."""
     part, gone, stays = _parts(mesh, tidy, nodes)
     gone[part[nodes]] = True
     return _loose_polygons(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
 
 
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
-    """Return for each polygon the number (c,) of its stretch of a stripe; -1 outside stripes.
+    """Return the number (c,) of the stripe part in which each polygon lies; -1 at crossings and outside stripes.
 
-    A stretch lies between two crossings or nodes. Connected nodes are a stretch, too."""
+    A part lies between two crossings or nodes. Connected polygons of `nodes` (c,) also form a part."""
     part, _, stays = _parts(mesh, tidy, nodes)
     single_stripe = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
     return np.where(single_stripe, part, -1)
@@ -120,7 +120,7 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Return two masks (c,) of polygons to remove: of parts in `gone` (p,) and their dead ends, and of islands.
+    """Return two masks (c,) of polygons to remove: first parts in `gone` (p,) and dead ends, then islands.
 
     Islands are pieces that this removal cuts off from supports and from the edges of the surface. When no dead ends
     remain, a part with a single neighbour joins this neighbour, and the search repeats.
@@ -148,9 +148,9 @@ def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
 
 
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequence[Floats]) -> tuple[PolygonMesh, int]:
-    """Make void polygons material where stripes meet in faces without a phase; return also the number of polygons.
+    """Fill void polygons where stripes meet in faces without field values; return also the number of filled polygons.
 
-    fields, levels : as in `cut`. Only a `CornerField` has faces without a phase."""
+    fields, levels : as in `cut`. Only a `CornerField` has faces without values."""
     corner_fields = {k: field for k, field in enumerate(fields) if isinstance(field, CornerField) and len(levels[k])}
     blank = {k: field.blank[mesh.parent] & mesh.void for k, field in corner_fields.items()}
     open_ = np.any(list(blank.values()), axis=0) if blank else np.zeros(len(mesh.parent), dtype=bool)
@@ -164,7 +164,7 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequen
         np.add.at(count, unique_ends[0], 1)
         family[blank[k] & (family == VOID)] = k
     faces = np.bincount(gap[open_], minlength=len(count))
-    # a gap at a singular point has at most six faces
+    # the void around a singular point of the field lies in at most six faces
     node = open_ & (count[gap] >= 2) & (faces[gap] <= 6)
     family, also = np.where(node, family, mesh.family), np.where(node, family, mesh.also)
     mesh = replace(mesh, family=family, also=also)
@@ -172,12 +172,12 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequen
 
 
 def nodes_of(mesh: PolygonMesh) -> Bools:
-    """Return a mask (c,) of nodes: material where stripes end in faces without a phase."""
+    """Return a mask (c,) of nodes. A node is material at the ends of stripes, in faces without field values."""
     return np.asarray((mesh.also == mesh.family) & ~mesh.void)
 
 
 def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bools:
-    """Return a mask (c,) of earlier nodes: material on whole faces in which its own field has no phase."""
+    """Return a mask (c,) of nodes that the cut made: whole faces of material where its own field has no values."""
     alone = np.bincount(mesh.parent, minlength=len(mesh.F))[mesh.parent] == 1
     blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in corner_fields.items()]
     return np.asarray(alone & np.any(blank, axis=0))
@@ -196,7 +196,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     slots = np.stack([outer, following[outer]])
     z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
     level = nearest_levels(z.ravel(), levels).reshape(z.shape)
-    on_level = np.abs(z - level) < 1e-6  # periods; then the middle line ends at the vertex
+    on_level = np.abs(z - level) < 1e-6  # True if the middle line ends at the vertex; limit in periods
     low, high = np.sort(np.where(on_level, level, z), axis=0)
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))
@@ -220,7 +220,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
         slots = slice(cells.start[node], cells.start[node + 1])
         parts = _without_free_corners(mesh.X[cells.corner[slots]], has_neighbour[slots])
         polygons += [cells.corner[slots][part] for part in parts]
-        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # a new side has no line
+        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # a polygon's new sides lie on no cut line
         sides_on += [cells.sides_on[slots][part] * (np.roll(part, -1) == end) for part, end in ends]
         source += [node] * len(parts)
         void += [k > 0 for k in range(len(parts))]
@@ -236,7 +236,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Cut corners without neighbours off a convex polygon X (s, 3); return first the rest, then these corners."""
+    """Cut corners with free sides off a convex polygon X (s, 3). Return the rest of the polygon, then the corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)

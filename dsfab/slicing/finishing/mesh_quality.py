@@ -53,7 +53,7 @@ GAIN = 1.01
 class CellMesh:
     """A cut sheet during its improvement, and the surface `uncut` that it was cut from.
 
-    strayed : (n',) largest possible move so far of the edges of stripes at each vertex, metres."""
+    strayed : (n',) upper limit of the distance by which edges of stripes at each vertex have moved, metres."""
 
     sheet: Sheet
     uncut: Surface
@@ -61,12 +61,12 @@ class CellMesh:
 
     @property
     def surface(self) -> Surface:
-        """The cells. A collapsed vertex keeps its number, but no cell uses it."""
+        """The surface of all cells. A collapsed vertex keeps its number, but no cell uses this vertex."""
         return self.sheet.surface
 
     @cached_property
     def support(self) -> Ints:
-        """(n', 3) the uncut vertices whose edge or face contains each vertex; -1 for fewer than three."""
+        """(n', 3) corners of the uncut face (or edge, or vertex) on which each vertex lies; -1 in unused columns."""
         weights = self.sheet.weights
         return np.where(np.arange(3) < np.diff(weights.indptr)[:, None], weight_entries(weights)[0], -1)
 
@@ -103,7 +103,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of a vertex's neighbours along lines. If there are two, the sum minus the first is the second."""
+        """(n',) sum of the numbers of a vertex's neighbours along lines. Of two neighbours, second = sum - first."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -128,7 +128,7 @@ class CellMesh:
 
     @cached_property
     def stars(self) -> tuple[Ints, Ints]:
-        """Cells (3 m',) sorted by vertex, and start (n' + 1,): cells[start[v] : start[v + 1]] meet at vertex v."""
+        """Cells (3 m',) by vertex, and start (n' + 1,). The cells at vertex v are cells[start[v] : start[v + 1]]."""
         start = np.concatenate([[0], np.cumsum(np.bincount(self.surface.F.ravel(), minlength=len(self.surface.V)))])
         return equal_key_groups(self.surface.F.ravel())[0] // 3, start
 
@@ -150,9 +150,9 @@ class CellMesh:
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """Return a mask (k,) of steps to do: no step with a lower rank changes one of their faces.
+    """Return a mask (k,) of mesh changes (flips or collapses) that have the lowest rank on each of their faces.
 
-    row, face : step row[i] changes face[i].    m : number of faces."""
+    row, face : change row[i] affects face[i].    m : number of faces."""
     lowest_rank = np.full(m, len(rank))
     np.minimum.at(lowest_rank, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
@@ -161,7 +161,7 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto neighbours w (k,); strayed : (k,) as in `CellMesh`, after each move."""
+    """Moves of vertices v (k,) onto neighbours w (k,); strayed : (k,) resulting shift of stripe edges, metres."""
 
     v: Ints
     w: Ints
@@ -203,8 +203,8 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
     """Return `sides_on` (m', 3) after `cells` (k,) lost their area, because a vertex v of each cell moved onto w.
 
-    Let x be a cell's third corner. Sides v-x and w-x now coincide. If one of them lies on a line, the cell on the other
-    side of v-x gets this line."""
+    Let x be a cell's third corner. Sides v-x and w-x now coincide. If side v-x or side w-x lies on a line of the cut,
+    the cell beyond side v-x gets this line."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
@@ -233,10 +233,10 @@ def _candidates(cut: CellMesh) -> CollapseMoves:
 
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
-    """Select the moves that keep lines connected as before, and that move lines by at most `tolerance` metres.
+    """Select the moves that keep `CellMesh.lines` connected, and that move lines by at most `tolerance` metres.
 
-    A vertex on no line may move to any neighbour. A vertex on a line may move along the line, or to a vertex on no
-    line. Two vertices with three lines each may join along an edge between material and void. Vertices on the boundary
+    A vertex without lines may move to any neighbour. A vertex on a line may move along the line, or to a vertex without
+    lines. Two vertices with three lines each may join along an edge between material and void. Vertices on the boundary
     of the surface stay on the boundary."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
@@ -246,7 +246,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     step = np.linalg.norm(cut.surface.V[v] - cut.surface.V[w], axis=1)
     slides = along & (count[v] == 2)
     total = cut.line_ends
-    u = np.where(slides, total[v] - w, v)  # v's other neighbour on the line
+    u = np.where(slides, total[v] - w, v)  # the two neighbours of v on its line are w and u
     distance = np.where(slides, distances_from_segments(cut.surface.V[v], cut.surface.V[u], cut.surface.V[w]), step)
     distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0  # a rounding error
     strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + distance, 0)
@@ -258,7 +258,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """Select moves that increase the smallest angle of material, and do not spoil void's; return gains, degrees."""
+    """Select moves that increase the smallest angle of material without slim void cells; return also gains, degrees."""
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
@@ -276,7 +276,7 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """Return a mask (k,) of moves v -> w that keep the mesh a surface, and that lay no line x-v onto a line x-w.
+    """Return a mask (k,) of moves v -> w that keep the mesh a surface, and that never merge two lines x-v and x-w.
 
     Only the vertices opposite to edge v-w may be neighbours of v and w [Dey et al. 1999].
     row, F : cells around each v."""
@@ -310,7 +310,7 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     parent = parent[f]
     new_angle = np.minimum(cut.angles(first_cell, parent), cut.angles(second_cell, parent))
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
-    better = np.flatnonzero(new_angle > GAIN * old_angle)  # a-b cannot be an edge yet, because uncut faces are flat
+    better = np.flatnonzero(new_angle > GAIN * old_angle)  # edge a-b is new, because the uncut face is flat
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
     rank = np.arange(len(better))
     pair_faces = np.concatenate([f[better], e[better]])
@@ -355,8 +355,8 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     """Flip and collapse edges to increase the smallest angle of a sheet's material.
 
     sheet     : all cells cut from the surface `uncut`, material and void.
-    tolerance : largest move of the edges of stripes, of families and of the surface, metres. With 0 the material covers
-                the same points as before.
+    tolerance : largest move of stripe edges, of edges between two families and of the surface's boundary, metres. With
+                0 the material covers the same points as before.
 
     Cells stay in their uncut faces, and vertices stay in place or disappear. So interpolated fields stay exact. The
     surface keeps its topology."""

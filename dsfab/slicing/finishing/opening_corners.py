@@ -30,7 +30,7 @@ class Arcs:
 
     @property
     def begin(self) -> Floats:
-        """(k,) direction from the centre to foot_a, radians."""
+        """(k,) direction from the centre of each arc to `foot_a`, radians."""
         x, y = (self.foot_a - self.centre).T
         return np.asarray(np.arctan2(y, x))
 
@@ -45,9 +45,9 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Return lines from the centre through both feet: unit normals (k, 2, 2) and distances (k, 2) from the origin.
+        """Return two lines for each arc, from its centre through `foot_a` and through `foot_b`.
 
-        Normals point away from the arc."""
+        Lines have unit normals (k, 2, 2), which point away from the arc, and distances (k, 2) from the origin."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
         return normal, np.einsum("kci,ki->kc", normal, self.centre)
@@ -102,9 +102,10 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """Return points (k, 2) at `radius` from two lines (point p, normal m; q, n), and a mask of lines not parallel."""
+    """Return centres (k, 2) of circles of `radius` that touch two lines, and a mask (k,) of lines that intersect.
+    p, q : (k, 2) a point on each line.    m, n : (k, 2) unit normals of the lines, towards the centre."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
-    regular = np.abs(det) > 0.02  # other lines are nearly parallel
+    regular = np.abs(det) > 0.02  # at smaller values, the lines are nearly parallel
     det = np.where(regular, det, 1.0)
     offset_a, offset_b = np.einsum("ki,ki->k", m, p) + radius, np.einsum("ki,ki->k", n, q) + radius
     x, y = offset_a * n[:, 1] - offset_b * m[:, 1], offset_b * m[:, 0] - offset_a * n[:, 0]
@@ -150,7 +151,7 @@ class Corners:
         return replace(self, first=self.first[chosen], turn=self.turn[chosen], place=self.place[chosen])
 
     def stretches(self, arcs: Arcs) -> Stretches:
-        """Return the walls between the feet of arcs at these corners (k,)."""
+        """Return the walls between the two contact points of each corner's arc."""
         chain = self.walls.chain[self.first]
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
@@ -201,9 +202,9 @@ class Corners:
 
     @cached_property
     def rooms(self) -> tuple[Floats, Floats]:
-        """Lengths (k,), (k,) of wall before and behind each corner that its arc may use, metres.
+        """Lengths (k,), (k,) of wall before and behind each corner on which the corner's arc may lie, metres.
 
-        The two corners at a wall divide it in the ratio of their `tangents`."""
+        Two neighbouring corners share the wall between them in the ratio of their `tangents`."""
         t, (ahead, behind) = self.tangents, self.wall_lengths
 
         def share(neighbour: Ints) -> Floats:
@@ -235,23 +236,23 @@ class Corners:
         return np.hstack([centre, np.cross(frames[:, 0], frames[:, 1]), arcs.radius[:, None]])
 
     def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
-        """Return arcs of radii (p,), metres, in the `frames` of corners (p,), and factors (p,) for the next radii.
+        """Return arcs of radii (p,), metres, in the `frames` of corners (p,), and factors (p,) for the next attempt.
 
-        The factor is 1 if the arc fits between its neighbours, and `SMALLER` if the arc misses a wall."""
+        The next attempt multiplies the radius by the factor: 1 if the arc fits, `SMALLER` if it misses a wall."""
         reach = 2 * radius * self.tangents[rows] + radius
         ahead, behind = (np.minimum(length[rows], reach) for length in self.wall_lengths)
         arcs = tangent_arcs(self.wall_line(rows, ahead, back=True), self.wall_line(rows, behind, back=False), radius)
         ways = np.array([arcs.way_a, arcs.way_b])
         rooms = np.array(self.rooms)[:, rows]
         least = np.divide(rooms, ways, out=np.full_like(ways, np.inf), where=ways > 0).min(axis=0)
-        fits = 0.995  # margin for rounding errors, smaller than the margin of `rooms`
+        fits = 0.995  # margin for rounding errors; `rooms` has a larger margin of 2 %
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
     def wall_line(self, rows: Ints, reach: Floats, back: bool) -> Floats:
-        """Return the walls (p, q, 2) before (`back`) or behind corners (p,), in their `frames`, up to `reach` metres.
+        """Return polylines (p, q, 2) along the walls before (`back`) or behind corners (p,), in the corners' `frames`.
 
-        Shorter lines repeat their last point. The search examines 8 to 256 walls."""
+        A polyline covers `reach` (p,) metres, but at most 256 walls. Its last point repeats up to q points."""
         walls, V, count = self.walls, self.walls.surface.V, 8
         begin, vertex = self.first[rows], walls.start if back else walls.end
         while True:
@@ -267,7 +268,7 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """Return a mask (p,) of vertices (p,) between the feet of their arcs, or up to 2 % of the radius beyond."""
+        """Return a mask (p,) of vertices (p,) on walls between both ends of an arc; margin: 2 % of the radius."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))
@@ -279,7 +280,7 @@ class Corners:
         return np.asarray((wall_of_vertex >= 0) & same_chain & (distance <= arcs.way_a + arcs.way_b + 2 * margin))
 
     def largest(self, radius: float) -> Floats:
-        """Return radii (k,), metres: the requested radius, or less where walls are too short."""
+        """Return the largest radius (k,) of an arc at each corner, metres: `radius`, or less where walls are short."""
         room_before, room_behind = self.rooms
         room, t = np.minimum(room_before, room_behind), self.tangents
         return np.asarray(np.minimum(radius, np.divide(room, t, out=np.zeros_like(t), where=t > 0)))

@@ -20,9 +20,9 @@ Merging = Literal["none", "slits", "crowded"]
 
 NARROWER = 0.9
 """Largest width of a slit, as a fraction of the width of the members beside it.
-It is under 1, because crowded members are as wide as their openings, and widths on triangles have small errors."""
+It is under 1, so that openings as wide as their members are not slits, in spite of small errors of the widths."""
 CRUMB, SEVERAL = 0.35, 8
-"""A crumb is smaller than CRUMB times the median opening. A median needs SEVERAL openings."""
+"""A crumb is an opening smaller than CRUMB times the median opening. Fewer than SEVERAL openings have no crumbs."""
 ALIKE = 0.03
 """Openings with a smaller relative difference in size count as equal, because the mesh may cause such a difference."""
 
@@ -59,12 +59,12 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) median along each opening's walls of its width, divided by the width of the narrower member beside it.
+        """(o,) median ratio, along each opening's walls, of its width to the width of the narrower member beside it.
 
         Only walls with an opposite wall count. If they are under 5 % of the walls, as in a triangle, the width is the
-        side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of both ratios. The
-        width is at least 2 area / perimeter. The ratio is infinite without members, and for openings at the edge of the
-        surface with few opposite walls."""
+        side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of the ratios for both
+        widths. The width is at least 2 area / perimeter. The ratio is infinite without members, and for openings at the
+        edge of the surface with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)
@@ -90,15 +90,15 @@ class Openings:
     def crowded_slits(self) -> Bools:
         """(o,) mask of slits in places where members are denser than usual.
 
-        The limit on `narrowness` falls with the median of `narrowness`, see `CROWDING`. Otherwise all openings of a
-        dense pattern would become material."""
+        Their `narrowness` is under a limit. If the median of `narrowness` is lower, the limit is lower, too (see
+        `CROWDING`). Otherwise all openings of a dense pattern would be filled."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Return the number of slits beside the cells `family` (m',), and the fraction of their walls at slits."""
+        """Return the number of slits beside cells `family` (m',), and the fraction of these cells' walls at slits."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]
@@ -115,7 +115,7 @@ class Openings:
 
     @cached_property
     def _width_ratio(self) -> Floats:
-        """(k,) width of the opening on each line across it, divided by the narrower member's width; NaN without one."""
+        """(k,) width of the opening on each line across it, divided by the narrower member's width; NaN if none."""
         member = self._member_widths[self.void.parent_edges[self._crossings.walls]]
         return np.asarray(self._crossings.width / np.fmin(*member.T))
 
@@ -129,7 +129,7 @@ class Openings:
     def _member_widths(self) -> Floats:
         """(e',) widths of the members behind the walls, on the edges of the whole sheet; NaN on other edges.
 
-        If the material is broader than 2.5 medians, several members touch there. The median replaces this width."""
+        Where material is over 2.5 times the median width, several members meet. The median replaces its width."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges
@@ -150,7 +150,7 @@ def openings_of(sheet: Sheet) -> Openings | None:
 
 
 def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
-    """Return a sheet with the marked openings (o,) as material; each takes the largest family number beside it."""
+    """Fill the marked openings (o,) of a sheet. New material takes the largest `family` of material cells around it."""
     openings = openings_of(sheet)
     if openings is None or not chosen.any():
         return sheet
@@ -179,15 +179,15 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
     alike : True if all or none of the openings with nearly this size become material.
 
     The size of an opening is its median width along the walls, but at least 2 and at most 4 area / perimeter. The lower
-    limit is for triangles: only walls in their tips have opposite walls."""
+    limit is for triangular openings, whose widths can be measured only near their corners."""
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
-    candidates = openings.subset(may_be_small)  # the others are larger in any case; this saves 90 % of the time
+    candidates = openings.subset(may_be_small)  # measures only openings that may be small; this saves 90 % of the time
     across = crossings(candidates.void.surface, candidates.void.walls)
     width = weighted_medians(across.width, across.weight, candidates.label[across.face], candidates.count)
     diameters = candidates.hydraulic_diameters
-    smaller = np.clip(width, diameters / 2, diameters)  # a long slit is half as wide as its diameter
+    smaller = np.clip(width, diameters / 2, diameters)  # 4 area / perimeter of a long slit is twice its width
     small = may_be_small.copy()
     small[may_be_small] = smaller < split_value(smaller, size, ALIKE * size if alike else 0.0)
     return with_filled(cells, small), int(small.sum())
@@ -210,11 +210,11 @@ def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
 
 
 def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
-    """Make every slit material, so that the members beside it become one; return also their number.
+    """Fill every slit (narrow opening), so that the members beside it join; return also the number of filled slits.
 
     merge : "crowded" to fill only `Openings.crowded_slits`.
 
-    The function repeats, because broader members may turn other openings into slits."""
+    The function repeats, because filling makes members broader, and other openings then become slits."""
     filled = 0
     while (openings := openings_of(cells)) is not None:
         slits = openings.crowded_slits if merge == "crowded" else openings.slits
@@ -242,7 +242,7 @@ class Strip:
 
     @classmethod
     def from_wall(cls, sheet: Sheet, wall: int, ends: Floats, half: Floats) -> "Strip | None":
-        """Return the strip in the opening at a wall, along the line between two ends (2, 3); None if both are equal."""
+        """Return a strip from a wall across the opening, along the line between `ends` (2, 3); None for equal ends."""
         surface, first_cell = sheet.surface, int(sheet.walls.void_cells[wall])
         direction = ends[1] - ends[0]
         gap = float(np.linalg.norm(direction))

@@ -20,29 +20,29 @@ from dsfab.surface.topology import edge_table
 
 Rule = Literal["join", "split"]
 
-DISC_ROUNDS = 3  # Maximum number of rounds with discs. A disc can make a new pinch.
-CORNER_ROUNDS = 2  # Maximum number of rounds with corner cuts. They make no new pinch.
+DISC_ROUNDS = 3  # Maximum number of rounds that make discs. A disc can create a new point contact.
+CORNER_ROUNDS = 2  # Maximum number of rounds that cut corners. Cut corners create no new point contact.
 
 
 class PinchResult(NamedTuple):
-    """A sheet without pinches, and the number of discs and corner cuts; 0 for an unchanged sheet."""
+    """A sheet whose material has no point contacts, and the number of repairs at vertices; 0 for an unchanged sheet."""
 
     sheet: Sheet
     pinches: int
 
 
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:
-    """Make discs of `radius` metres around all pinches of the material into material ("join") or void ("split").
+    """Make discs of `radius` metres around pinches (point contacts of material) material ("join") or void ("split").
 
-    If pinches remain after three rounds, their corners are cut at min(radius, 0.4 edge length). New material takes the
-    family of the first material cell at its pinch.
+    If pinches remain after three rounds, only the corners of cells at a pinch change, up to a distance of
+    min(radius, 0.4 edge length). New material takes the family of the first material cell at its pinch.
 
     Raises PatternError without material, for an impossible `radius` or `rule`, and for pinches that remain. "join"
     fails where the surface itself meets in a single vertex."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
     if rule not in ("join", "split"):
-        raise PatternError(f"the pinch rule {rule!r} must be 'join' or 'split'")
+        raise PatternError(f"slicing.pinch = {rule!r} must be 'join' or 'split'")
     _require_material(sheet)
     pinches, count = pinched_vertices(sheet), 0
     for turn in range(DISC_ROUNDS + CORNER_ROUNDS):
@@ -53,7 +53,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
     if len(pinches):
         raise PatternError(
             f"material still meets in a single point at {count_phrase(len(pinches), 'vertex')} "
-            f"(first: {first_few(pinches)}); use the other pinch rule, another radius, or another phase"
+            f"(first: {first_few(pinches)}); change slicing.pinch, the thickness, or the phase of the stripes"
         )
     _require_material(sheet)
     return PinchResult(sheet, count)
@@ -62,7 +62,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
 def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
     count = 0
     for turn, group in enumerate(_groups_without_edges(pinches, _links(sheet, pinches))):
-        if turn:  # earlier discs may have removed some pinches
+        if turn:  # discs of earlier groups may have removed point contacts
             group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
             V = sheet.surface.V
@@ -100,7 +100,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """Divide pinches into groups in which no edge joins two pinches; on such an edge the distance would be 0."""
+    """Divide pinches (point contacts at vertices) into groups; no edge joins two pinches of the same group."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
@@ -110,7 +110,7 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
 
 
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """Return a field (n',), 0 at pinches; on edges, the level `radius` lies min(radius, 0.4 length) from a pinch."""
+    """Return a field (n',) that is 0 at pinches, and `radius` on each edge at min(radius, 0.4 length) from a pinch."""
     V, ends = sheet.surface.V, sheet.surface.edges.ends
     x = np.full(len(V), radius / 0.4)
     for p, q in (ends.T, ends[:, ::-1].T):
@@ -138,7 +138,7 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
 
 
 def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:
-    """Return a mask (c,) of polygons in `inside` that are connected to a pinch, and not only near it."""
+    """Return a mask (c,) of polygons in `inside` that are connected to a pinch (point contact of material)."""
     part, owner = mesh.part_labels(inside), mesh.cells.owner
     return inside & np.isin(part, part[owner[inside[owner] & np.isin(mesh.cells.corner, pinches)]])
 

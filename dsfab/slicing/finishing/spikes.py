@@ -20,13 +20,14 @@ from dsfab.slicing.finishing.openings import disjoint_groups
 SHARP = float(np.radians(60))
 """Minimum change of direction of the outline at a tip, radians; at bends and crossings of members it is smaller."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
-"""Longest outline of a tooth, in mean widths of members: `FAR` if its chord is under `THIN` widths, else `LONG`."""
+"""Longest outline of a tooth (spike of material), in member widths: `FAR` if its base is under `THIN`, else `LONG`."""
 
 
 class Spike(NamedTuple):
-    """A tooth: the vertices (k,) of its outline between two re-entrant corners, and the cells (c,) beyond its chord.
+    """A tooth of material. Its chord is the straight line between two re-entrant corners of the outline.
 
-    origin : (3,) the first corner.    outward : (3,) unit normal of the chord, out of the member.    snap : metres."""
+    outline : (k,) vertices of the tooth.    cells : (c,) cells beyond the chord.    origin : (3,) the first corner.
+    outward : (3,) unit normal of the chord, out of the member.    snap : metres; smaller heights count as 0."""
 
     outline: Ints
     cells: Ints
@@ -41,11 +42,11 @@ class Spike(NamedTuple):
 
 
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
-    """Cut teeth off the material of a sheet without pinches; return also their number.
+    """Cut teeth (spikes) off the material of a sheet without point contacts; return also the number of teeth.
 
-    Teeth stay if a second wall or an edge of the surface lies beyond their chord. So parts stay connected."""
+    A tooth stays if a second wall or an edge of the surface lies beyond its base. So parts stay connected."""
     count = 0
-    for _ in range(4):  # for teeth that touch each other
+    for _ in range(4):  # repeat, because a round cuts only spikes that do not touch each other
         all_spikes = _spikes(cells) if cells.has_openings else []
         spikes = [all_spikes[k] for k in disjoint_groups(cells, [spike.cells for spike in all_spikes])]
         if not spikes:
@@ -80,14 +81,14 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Return re-entrant corners before (step -1) or behind (1) a tip, up to `longest` metres along the walls.
+    """Return re-entrant corners of an outline before (step -1) or behind (1) the vertex `tip`, up to `longest` metres.
 
-    For each corner: the number and the length, metres, of the walls between it and the tip."""
+    For each corner: the number of outline edges (walls) up to the tip, and their total length, metres."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
         length += float(walls.length[wall if step < 0 else previous_wall])
-        if not exists[1] or length > longest:  # the chain or the search ends
+        if not exists[1] or length > longest:  # the chain of walls ends, or the wall is too far away
             break
         if walls.turns[wall] > SHARPEST:
             corners.append((k, length))
@@ -95,17 +96,17 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """Return the tooth with the walls `stretch` (k,), or None if there is none; width : mean member width, metres."""
+    """Return the spike with the walls `stretch` (k,); None if they bound no spike. width : mean member width, m."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]
-    chord, up = (X[-1] - X[0], step @ cells.surface.normals[member_cells])  # up: mean normal at these walls
+    chord, up = (X[-1] - X[0], step @ cells.surface.normals[member_cells])  # up: mean normal along the outline
     length, outward = float(np.linalg.norm(chord)), np.cross(up, chord)
     if not outward.any() or step.sum() > (FAR if length < THIN * width else LONG) * width:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # a lower tooth is a bend, or tiny
+    lowest = max(0.04 * width, 0.25 * length)  # minimum height of a spike; a lower shape is a bend, or tiny
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)
@@ -113,7 +114,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
 
 
 def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
-    """Return material cells (c,) partly beyond the chord; None if they touch another wall or an edge of the surface."""
+    """Return material cells (c,) partly beyond the spike's base; None if they touch another wall or a surface edge."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:

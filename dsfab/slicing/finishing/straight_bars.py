@@ -34,7 +34,7 @@ class FairBar:
 
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """Return a straight bar in place of polygons (c,), as wide as its narrower contact.
+        """Return a straight bar in place of polygons (c,), as wide as their narrower contact with other members.
 
         Return None if the number of contacts is not two, or if a contact is oblique to the bar."""
         contacts = _contacts(mesh, cells)
@@ -49,18 +49,18 @@ class FairBar:
         across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), tiny))
         across /= max(float(np.linalg.norm(across)), tiny)
         widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
-        if (widths < 0.4 * lengths).any():  # an oblique contact
+        if (widths < 0.4 * lengths).any():  # an end of the bar is oblique to its axis
             return None
         return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
     def with_bow(self, mesh: PolygonMesh) -> Self | None:
-        """Return the bar with the bow and the half widths that fit its walls by least squares.
+        """Return the bar with a curved middle line and half widths that fit the old outline by least squares.
 
         Return None if the new bar is too steep, or has no width at an end."""
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # a wall on the right runs in the bar's direction
+        side = np.where(ahead > 0, -1, 1)  # -1: right side, whose walls run from the bar's start to its end
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
@@ -83,19 +83,19 @@ class FairBar:
         return np.array([half + y - middle, half - y + middle]) / np.hypot(1, slope)
 
     def near_length(self, X: Floats) -> Bools:
-        """Return a mask (k,) of points X (k, 3) between the contacts, or at most one width of the bar beyond."""
+        """Return a mask (k,) of points X (k, 3) between the ends of the bar, or at most one bar width beyond an end."""
         beyond = self.width / self.length
         t, _ = self._places(X)
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def deviation(self, mesh: PolygonMesh) -> float:
-        """Return the largest distance by which the old outline lies outside the new one, divided by the bar's width."""
+        """Return the largest distance from the old bar's corners to the new bar, divided by the new bar's width."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 
     @property
     def length(self) -> float:
-        """Metres from contact to contact."""
+        """Distance between the two ends of the bar, metres."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
     def _places(self, X: Floats) -> tuple[Floats, Floats]:
@@ -117,7 +117,8 @@ def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
-    """Return start and end (k, 2, 3), metres, of a bar's contacts, counter-clockwise; none at a surface edge."""
+    """Return the contacts (k, 2, 3) of a bar with other material: start and end, metres, counter-clockwise.
+    Return no contacts if the bar reaches an edge of the surface."""
     cells, in_bar, beyond = mesh.cells, bar[mesh.cells.owner], mesh.polygon_across
     contact_slots = np.flatnonzero(in_bar & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (in_bar & (beyond < 0)).any() or not len(contact_slots):
@@ -129,17 +130,17 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     for k in range(count):
         a, b = start[place == k], end[place == k]
         begins, finishes = np.setdiff1d(a, b), np.setdiff1d(b, a)
-        if len(begins) != 1 or len(finishes) != 1:  # a ring, or two contacts touch
+        if len(begins) != 1 or len(finishes) != 1:  # the contact is a closed ring, or two contacts touch each other
             return np.empty((0, 2, 3))
         contacts.append(mesh.X[[begins[0], finishes[0]]])
     return np.array(contacts)
 
 
-ASKEW = 0.25  # Bars stay if their `deviation` from a straight bar is smaller.
-UNEVEN = 0.12  # Bent bars stay if their `deviation` from an evenly bent bar is smaller.
-FAR = 1.5  # Bars stay if their `deviation` is larger.
-SNAP = 0.02  # Largest snap onto a bar's side, in widths of the bar.
-LARGER = 2.5  # The area of a bar may change by less than this factor.
+ASKEW = 0.25  # A straight bar replaces an old bar only if its `deviation` is larger than this.
+UNEVEN = 0.12  # An evenly bent bar replaces an old bar only if its `deviation` is larger than this.
+FAR = 1.5  # A new bar replaces an old bar only if its `deviation` is smaller than this.
+SNAP = 0.02  # Vertices nearer to a bar's side than this move onto the side; in widths of the bar.
+LARGER = 2.5  # A bar is replaced only if its area changes by less than this factor.
 
 
 def with_straight_bars(
@@ -166,16 +167,16 @@ def with_straight_bars(
 
 
 def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
-    """Return a mask (c,) of material in or beside faces where the material's own field has no phase."""
+    """Return a mask (c,) of material in the faces beside a face without values of the material's own field."""
     blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
     near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
     return np.asarray(near_blank[mesh.family, mesh.parent] & ~mesh.void)
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """Return new shapes of bars that do not overlap: nodes with their stripes, and stripes near singular points.
+    """Return new bars that do not overlap. They replace nodes with their stripes, and stripes near singular points.
 
-    A crossing that touches a node may belong to the bar, because stripes may overlap before they end."""
+    If a crossing of two stripes touches a node, the crossing may also belong to the bar."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))
@@ -201,7 +202,7 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Replace the polygons `bar` (c,) by the bar's new shape; return also the old polygon (c',) of each new polygon.
+    """Replace the polygons `bar` (c,) by `fair_bar`; return also the old polygon (c',) of each new polygon.
 
     The mesh is None if the area of the bar would change by the factor `LARGER` or more."""
     opening = mesh.part_labels(mesh.void | bar)

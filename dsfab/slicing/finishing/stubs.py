@@ -26,17 +26,17 @@ from dsfab.surface import link_components
 LARGE = 1.6
 """Stubs stay if the opening without them would be larger than this size; 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
-"""An eyelet is an opening smaller than EYELET times its neighbour. At an eyelet, LARGER replaces `LARGE`."""
-GOOD = 1.1  # Stubs stay if all openings beside them are larger than this size.
+"""An eyelet is an opening smaller than EYELET times a neighbouring opening. At an eyelet, LARGER replaces `LARGE`."""
+GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them are larger than GOOD x the median size.
 SMALL = 0.6  # Stubs stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
-"""Maximum change of direction of the outline, radians, at a removed stub; a sharper corner would be a loose end."""
+"""Maximum change of direction of the outline, radians, where a stub (end of a stripe) was removed."""
 
 
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove nodes, and the stubs that lead to them, if one opening of good size remains; return the number of places.
+    """Remove nodes and the stubs (ends of stripes) at them, where the merged opening gets a suitable size.
 
-    Parts stay connected, and no new end appears."""
+    Return also the number of removed bars. Parts stay connected, and no new end appears."""
     nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
         lumps = with_crossings(mesh, nodes & ~mesh.void) if include_crossings else nodes & ~mesh.void
@@ -51,7 +51,7 @@ def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
 
 
 def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
-    """Return a mask (c,) of `nodes` (c,), and of crossings that touch nodes. Stubs may overlap before they end."""
+    """Return a mask (c,) of `nodes` (c,), and of the crossings that touch a node."""
     crossing = mesh.part_labels(~mesh.void & ((mesh.also != VOID) | nodes))
     return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
@@ -61,8 +61,8 @@ class _Bars:
     """Removable bars (b,) between openings (o,).
 
     label   : (c,) the bar of each polygon, or -1.
-    area    : (b,) square metres.    wall : (b,) outline at other material or at the edge of the surface, metres.
-    pair    : (k, 2) number of a bar, and of an opening beside it.    shared : (k,) their common outline, metres.
+    area    : (b,) square metres.    wall : (b,) length of contact with other material and surface edges, metres.
+    pair    : (k, 2) a bar, and an opening beside this bar.    shared : (k,) length of their common outline, metres.
     opening : (o, 2) area, square metres, and perimeter, metres, of each opening.
     cut     : (b,) True if the material without the bar stays connected and gets no new end."""
 
@@ -143,16 +143,16 @@ class _Bars:
 
     @cached_property
     def lumps(self) -> Bools:
-        """(b,) mask of bars inside a single opening, whose size becomes larger without the bar."""
+        """(b,) mask of bars inside a single opening. Without the bar, 4 area / perimeter of the opening is larger."""
         return np.asarray(
             (self.opening_count == 1) & (self.sizes_without_each > np.maximum(1.02 * self.extremes[1], SMALL))
         )
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) mask of bars between several openings that become one opening of good size without the bar.
+        """(b,) mask of bars between several openings, which merge into an opening of suitable size without the bar.
 
-        Of several such bars at one opening, all or none are in the mask."""
+        If several of these bars touch the same opening, either all of them are marked or none."""
         smallest, limits = self.extremes
         ratio = np.divide(smallest, limits, out=np.full_like(smallest, np.inf), where=limits > 0)
         largest = np.where(_below_limits(ratio, EYELET), LARGER, LARGE)
@@ -179,9 +179,10 @@ class _Bars:
 
 
 def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyond: Ints) -> Bools:
-    """Return a mask (b,) of bars whose neighbours are connected with each other after all bars are removed.
+    """Return a mask (b,) of bars whose neighbouring parts stay connected with each other without the bars.
 
-    contact_sides : (h,) sides between a bar and other material."""
+    label : (c,) bar of each polygon.    contact_sides : (h,) sides between a bar and other material.
+    beyond : (h,) polygon across each side."""
     rest = mesh.part_labels(~mesh.void & (label < 0))
     touching = np.stack([label[mesh.cells.owner[contact_sides]], rest[beyond[contact_sides]]], axis=1)
     bar = np.unique(touching, axis=0)[:, 0]
@@ -189,7 +190,7 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """Return the largest change of direction (b,), radians, of the remaining outline where each bar was removed.
+    """Return how sharply the outline turns where each bar was removed: largest change of direction (b,), radians.
 
     side : (s,) the sides of bars that touch other material."""
     cells, count = mesh.cells, len(mesh.X)
@@ -216,7 +217,7 @@ def _angles(mesh: PolygonMesh) -> Floats:
 
 
 def _below_limits(x: Floats, limit_of_each: float | Floats) -> Bools:
-    """Return a mask (k,) of values x (k,) below their limits; of nearly equal values, all or none are below."""
+    """Return a mask (k,) of values x (k,) below their limits. Nearly equal values get the same result."""
     limits = np.broadcast_to(limit_of_each, x.shape)
     result = np.zeros(len(x), dtype=bool)
     for threshold in np.unique(limits):

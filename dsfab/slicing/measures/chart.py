@@ -44,7 +44,7 @@ class Chart:
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
     """Return the chart of a surface that `halve_lines` divided.
 
-    phases : of both families. Default: the phases of `halved`, which are whole numbers on its lines."""
+    phases : fields of both families; default: the phases in `halved`, whole numbers on the remaining lines."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
@@ -130,7 +130,7 @@ class StripeChart:
 
     @cached_property
     def table(self) -> EdgeTable:
-        """Edges between places, so that both sides of a cut have the same edge."""
+        """Edges of the surface. Vertices with the same `place` count as equal, so both sides of a cut share an edge."""
         return edge_table(self.place[self.surface.F])
 
     def corners(self, x: Floats) -> Floats:
@@ -138,7 +138,7 @@ class StripeChart:
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """Return a mask (m,) of faces on which phase k changes, by over 1e-9 across the size of the surface."""
+        """Return a mask (m,) of faces where phase k is not constant: its slope x the surface's size is over 1e-9."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property
@@ -147,14 +147,14 @@ class StripeChart:
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
-        """Gradients (m, 3) of both phases on the faces, per metre."""
+        """Gradients (m, 3) of the major and of the minor phase on the faces, per metre."""
         hats = np.ascontiguousarray(hat_gradients(self.surface).transpose(1, 0, 2))
         major, minor = (sum(g * z[:, None] for g, z in zip(hats, self.corners(x), strict=True)) for x in self.z.T)
         return np.asarray(major), np.asarray(minor)
 
     @cached_property
     def slope(self) -> tuple[Floats, Floats]:
-        """(m,) stripes per metre, for each of both families; never 0."""
+        """Stripes per metre (m,) on the faces, for the major and for the minor family; never 0."""
         major, minor = (np.maximum(lengths(g), np.finfo(float).tiny) for g in self.gradients)
         return major, minor
 
@@ -178,7 +178,7 @@ class StripeChart:
         return np.asarray(1 - solid.mean(axis=0))
 
     def member_widths(self, k: int) -> tuple[Floats, Floats]:
-        """Return widths (m,) of the members of family k on the faces, metres, and their area (m,) there, m2."""
+        """Return widths (m,), metres, of the members of family k on each face, and areas (m,), m2, of these members."""
         z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
         share = ((np.abs(z - np.rint(z)) < d) & self.known[:, k]).mean(axis=0)
         return 2 * d.mean(axis=0) / self.slope[k], self.surface.areas * share
@@ -195,10 +195,10 @@ class StripeChart:
 
 @dataclass(frozen=True, eq=False)
 class StripeMiddles:
-    """Middle lines of the members of family k. Each face divides them into pieces (s,).
+    """Middle lines of the members of family k. Edges of faces divide the lines into pieces (s,).
 
-    face : (s,) face.    at : (s, 2, 3) barycentric coordinates of both ends.    node : (s, 2) nodes (j,) at both ends.
-    copy : (s,) True if an earlier face has the same piece on the common edge.
+    face : (s,) face of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) end nodes.
+    copy : (s,) True for a piece on an edge if an earlier face already has this piece.
     edge : (j,) True for nodes on the boundary of the surface."""
 
     drawn: StripeChart
@@ -217,7 +217,7 @@ class StripeMiddles:
 
     @cached_property
     def length(self) -> Floats:
-        """(s,) length of each piece, metres; half of it if both faces at an edge have the same piece."""
+        """(s,) length of each piece, metres. A piece on an edge of two faces counts half in each face."""
         metres = np.linalg.norm(self.points[:, 1] - self.points[:, 0], axis=1)
         key = self.node.min(axis=1) * len(self.edge) + self.node.max(axis=1)
         group = equal_key_groups(key)[2]
@@ -250,9 +250,9 @@ class StripeMiddles:
 
 
 class _Pieces(NamedTuple):
-    """Pieces (s,) of middle lines: face, whole number of the phase, and slots (s, 2) of both ends.
+    """Pieces (s,) of middle lines: face, number of the line (its value of the phase), and slots (s, 2) of both ends.
 
-    Slots 0 to 2 are the face's corners. Slot 3 + c lies on the side that begins at corner c."""
+    Slots are places on the face's outline: 0 to 2 are its corners; 3 + c lies on the side that begins at corner c."""
 
     face: Ints
     line: Ints
@@ -290,7 +290,7 @@ def _pieces(chart: StripeChart, k: int) -> _Pieces:
 def _barycentric(z: Floats, slot: Ints) -> Floats:
     """Return barycentric coordinates (s, 3) of the points with z = 0; z : (s, 3) at the corners of faces.
 
-    slot : (s,) slots of the points, as in `_Pieces`."""
+    slot : (s,) 0 to 2 for a point at a corner; 3 + c for a point on the side that begins at corner c."""
     row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
     next_corner = (corner + 1) % 3
     a, b = z[row, corner], z[row, next_corner]

@@ -23,7 +23,7 @@ class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet.
 
     half_edge, start, end : the half-edge, and its first and its last vertex.
-    curve  : the number of the edge's line in the sheet; -1 - k if the line is any level of field k.
+    curve  : the number of the edge's line in the sheet; -1 - k for all level lines of field k.
     family : the family of the edge's cell, or `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
@@ -55,7 +55,7 @@ def outline_corners(sheet: Sheet) -> Floats:
     return np.asarray(sheet.surface.V[low < high])
 
 
-LEAST = 1e-7  # Smallest part or gap of a segment, as a fraction of its length.
+LEAST = 1e-7  # Shorter parts of a segment are dropped, shorter gaps are closed. A fraction of the segment's length.
 
 
 class Spans(NamedTuple):
@@ -121,7 +121,7 @@ def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
 def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
     order = np.lexsort([begin, segment])
     segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
-    upto = np.maximum.accumulate(2.0 * segment + end)  # one axis for all: segment s is 2 s to 2 s + 1
+    upto = np.maximum.accumulate(2.0 * segment + end)  # one axis for all: segment s lies from 2 s to 2 s + 1
     begins_span = np.ones(len(segment), dtype=bool)
     begins_span[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
     first_rows = np.flatnonzero(begins_span)
@@ -132,7 +132,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: its points (k, 3), metres, and the number of the line on most of its length."""
+    """A middle line of a member: points (k, 3), metres, and the number of the line that makes most of its length."""
 
     number: int
     points: Floats
@@ -140,12 +140,12 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middle lines between two nodes. A segment on an edge may have two views, one from each face.
+    """Segments of middle lines. Each face with a segment has its own view of it: two views for a segment on an edge.
 
-    link   : (l, 2) nodes of the segments.    point : (nodes, 3) metres.
+    link   : (l, 2) nodes at the ends of the segments.    point : (nodes, 3) metres.
     of     : (v,) the segment of a view.      face  : (v,) the chart's face of a view.
     number : (v,) number of the line among the finest lines.
-    at     : (v, 2, 3) both nodes of the segment in barycentric coordinates of the face."""
+    at     : (v, 2, 3) ends of the segment in barycentric coordinates of the face."""
 
     link: Ints
     point: Floats
@@ -156,10 +156,10 @@ class Chords:
 
     @classmethod
     def from_chart(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
-        """Return the segments of a family in faces with a phase and with half widths (n,) above 0 at all corners.
+        """Return a family's segments in faces that have a phase, and half widths (n,) above 0 at all corners.
 
-             |                  A face has a segment of line k if k lies between the values at its corners.
-        ---o-+-o---  k          A side between two corners with the value k is a segment, too.
+             |                  A face has a segment of line k if k lies between the phases at its corners.
+        ---o-+-o---  k          A side has a segment, too, if both of its corners have the phase k.
              |"""
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
         wide = chart.carry(half_width)[chart.surface.F].min(axis=1) > 0
@@ -217,7 +217,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
     half_width : (n,) d in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : fields of the other family. A line that lies only in their cells is left out."""
+    passing    : numbers of the other family's fields. A line that lies only in cells of these fields is left out."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -237,9 +237,9 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """Return the nodes (p, 2) of the parts of segments, and the points of all nodes, metres.
+    """Return the nodes (p, 2) at the ends of each part of a segment, and the points of all nodes, metres.
 
-    At most two parts share a node. Ends that were cut off, and ends at crossings of segments, have their own nodes."""
+    At most two parts share a node. A part has its own node at a cut end, or where more than two segments meet."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -270,15 +270,15 @@ class CornerLines(NamedTuple):
 
 
 Phase = Floats | CornerLines | None
-"""Phase (n,) on the uncut surface, a whole number at the middles of stripes; a corner field; None without stripes."""
+"""Phase (n,) at the uncut vertices, or a corner field; None without stripes. It is whole in the middle of a stripe."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
     """Divide the outline of a material sheet into lines, at each change of family or stripe.
 
     names  : names of the fields of the cut. The `family` of a cell is an index into `names`.
-    phases : for each field. An edge belongs to the stripe k that is nearest to z in its cell. A line in a corner field
-             gets the k of most of its length.
+    phases : phase z of each field. An edge belongs to the stripe whose number k is nearest to z in the edge's cell. A
+             line has the k of most of its length.
     Together the lines are the boundary of the sheet, each edge once, with the material on the left."""
     labels = outline_labels(sheet)
     stripes = _Stripes(sheet, uncut, phases, labels)
@@ -352,7 +352,7 @@ def chart_lines(
     """Return `centre_lines` of evenly spaced members, each extended to the middle of the member that it meets.
 
     names      : names of the fields of the cut.    name : "major" or "minor".
-    half_width : (n,) on the uncut surface, in periods of the remaining lines."""
+    half_width : (n,) on the uncut surface, in periods between the lines that remain after halving."""
     family = STRIPES.index(name)
     passing = np.array([k for k, field_name in enumerate(names) if field_name == STRIPES[1 - family]], dtype=np.int64)
     lines = member_middles(chart, family, half_width, sheet, uncut.F, passing)

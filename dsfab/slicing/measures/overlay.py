@@ -1,7 +1,7 @@
 """Overlay: a finished sheet that is divided along the edges of all stripes, also where one stripe covers another.
 
-Later fields do not cut the material of earlier fields. So a crossing is a part of the first member only. The overlay
-also divides the cells along the edges of later fields:
+A cut makes the stripes of one field after another. Later stripes do not cut earlier stripes, so a crossing of two
+members is a part of the first member only. The overlay also divides the cells along the edges of later stripes:
 
      |     |              |     |
 -----+     +-----    -----+-----+-----     The cell * of the crossing is now a part of both members.
@@ -36,7 +36,7 @@ class DrawnBand:
     field  : two values at corners of the uncut surface; or values (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
     centre : mean of both values on a stripe's middle line, minus the stripe's level.
-    hides  : True if only earlier fields with `hides` may cover the stripe."""
+    hides  : False if all other families may cover the stripe; True if only earlier fields with `hides` may."""
 
     family: str
     field: CornerField | Floats
@@ -53,7 +53,7 @@ class Overlay:
     source : (m,) the undivided cell that contains each cell.
     part   : (m, f) for each field, the number of the stripe that contains the cell; -1 for none.
     of     : (count,) the field of each stripe.    level : (count,) its level, on most of its area.
-    own    : (m,) True for cells in a stripe of the field that made them material.
+    own    : (m,) True if the cell lies in a stripe of the field `family` of the cell.
     offset : (m, 3, f) field at the corners, minus its value on the stripe's middle line; never 0. Two cells have the
              same offsets at their common edge, up to a sign."""
 
@@ -85,7 +85,7 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     bands : one for each field of the cut, in order.
     snap  : snap fraction for hidden edges (see `cut`).
 
-    A stripe that made no cell material is left out, because finishing removed it."""
+    Stripes that finishing removed from the sheet are left out."""
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
     mesh = PolygonMesh.from_surface(base).with_lines_of(sheet)
@@ -116,7 +116,7 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
 
 
 def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
-    """Return a mask (m,) of cells whose field may cover stripes of band k."""
+    """Return a mask (m,) of cells made by a field whose stripes may cover stripes of band k."""
     covers = np.array([band.family != bands[k].family and (band.hides or not bands[k].hides) for band in bands])
     covers &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
     return np.asarray(covers[family])
@@ -126,7 +126,7 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 class _BandOnCells:
     """Values of a band on triangles.
 
-    z : (m, 3) mean of both values at the corners, in the triangle's sign.    d : (m,) half of their difference.
+    z : (m, 3) mean of both values at the corners, with `sign` and `shift`.    d : (m,) half of their difference.
     number : (m,) the level nearest to z at the centroid.    off : (m,) distance of z from this level.
     sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.
     blank : (m,) mask of triangles without values."""
@@ -153,23 +153,23 @@ class _BandOnCells:
         return cls(F, z - band.centre, half, number, distance, sign, shift, blank)
 
     def inside(self, slack: Floats) -> Bools:
-        """Return a mask (m,) of triangles whose centroid lies in the band, or outside it by less than `slack` (m,)."""
+        """Return a mask (m,) of triangles whose centroid lies in a stripe, or nearer to it than `slack` (m,), in z."""
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:
-        """Return a mask (p,) of pairs of half-edges (p, 2) whose cells have the same nearest level."""
+        """Return a mask (p,) of pairs of half-edges (p, 2) whose cells are nearest to the same level of the field."""
         h, g = pairs.T
         flat = self.F.ravel()
-        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # corner of the second cell at the vertex of h
+        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # corner of g's cell where h begins
         sign = self.sign.ravel()[h] * self.sign.ravel()[g]
         shift = self.shift.ravel()[h] - sign * self.shift.ravel()[g]
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < SAME_PHASE)
 
     def offsets(self, in_stripe: Bools) -> Floats:
-        """Return z - number (m, 3) on the triangles in the mask, NaN elsewhere.
+        """Return z minus the nearest level, (m, 3), at the corners of triangles in `in_stripe` (m,); NaN elsewhere.
 
-        A zero becomes a tiny number with the same sign in all triangles at its vertex. So lines miss all vertices.
-        """
+        A difference of 0 becomes a tiny number, with the same sign in all triangles at its vertex. So lines miss all
+        vertices."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < SAME_PHASE
         offset[zero] = 0.0
@@ -190,7 +190,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # tolerance, because `slicing.snap` moves edges
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # allows for edges moved by `slicing.snap`
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)

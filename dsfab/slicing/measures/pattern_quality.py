@@ -25,10 +25,10 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """Middle lines of a family, in parts (b,). A bay lies between two crossings with members of the other family.
+    """Middle lines of a family, divided into b parts. A bay lies between two crossings with the other family.
 
     piece  : (b,) the piece of `middles` that each part lies on.    at : (b, 3) barycentric coordinates of its middle.
-    length : (b,) length of each part, metres.    bay : (b,) number of its bay.    count : of bays.
+    length : (b,) length of each part, metres.    bay : (b,) number of its bay.    count : number of bays.
     angle  : (c,) angle between members at crossings, degrees, except in material other than stripes."""
 
     middles: StripeMiddles
@@ -41,7 +41,7 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) length of each part, metres; 0 inside members of the other family or material other than stripes."""
+        """(b,) length of each line part, metres; 0 inside members of the other family, a rim, or a kept region."""
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
@@ -56,20 +56,20 @@ class Bays:
 
     @property
     def slits(self) -> int:
-        """Number of bays that are slits: the opening is narrower than the member on over half of the free length."""
+        """Number of slits: bays with an opening narrower than the member, on over half of the open length."""
         free = np.bincount(self.bay, self.free, self.count)
         slit = np.bincount(self.bay, self.free * self.narrow, self.count)
         return int((slit > free / 2).sum())
 
     @property
     def slit_share(self) -> float:
-        """Fraction of the free length on which the opening is narrower than the member."""
+        """Fraction of the members' length outside crossings on which the opening is narrower than the member."""
         total = float(self.free.sum())
         return float(self.free @ self.narrow) / total if total > 0 else 0.0
 
 
 def bays(middles: StripeMiddles) -> Bays:
-    """Divide the middle lines of a family at crossings: the phase of the other family is a whole number there."""
+    """Divide the middle lines of a family where they cross middle lines of the other family."""
     chart, face = middles.drawn, middles.face
     other_family = 1 - middles.k
     corner = chart.surface.F[face]
@@ -162,7 +162,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     end_a, end_b = order[pair], order[pair + 1]
     normals_a, normals_b = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (end_a, end_b))
-    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # turned into the first face
+    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # in the plane of the first face
     alike = np.where(np.einsum("px,px->p", along[piece[end_a]], straight) < 0, -1, 1)
     result = np.zeros(len(middles.edge), dtype=bool)
     result[node[end_a]] = (side[end_a] * side[end_b] * alike > 0) & clear[piece[end_a]] & clear[piece[end_b]]
@@ -172,7 +172,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
 class Arms(NamedTuple):
     """Strips of material that leave a ball around a place of a sheet.
 
-    direction : (a, 3) unit vectors towards the strips; two zero vectors if material surrounds the ball.
+    direction : (a, 3) unit vectors towards the strips. A strip that surrounds the ball counts as two zero vectors.
     normal    : (a, 3) mean unit normals of the strips.    width : (a,) widths across the strips, metres."""
 
     direction: Floats
@@ -180,13 +180,13 @@ class Arms(NamedTuple):
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """Return True if a member of this width, metres, ends here. A single arm wider than 3 widths is a junction."""
+        """Return True if a member of this width, metres, ends here: no arm, or a single arm under 3 widths wide."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
         """Return True if a member of this width, metres, ends or turns back here.
 
-        Two arms are compared in one plane. So a member across a sharp edge of the surface counts as straight."""
+        Both arms are first unfolded into one plane. So a member across a sharp edge of the surface is straight."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
         unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]
@@ -194,9 +194,9 @@ class Arms(NamedTuple):
 
 
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
-    """Return the arms of a sheet around a ball of `radius` metres at a place (3,); none if the ball has no vertex.
+    """Return the arms: strips of material that leave a ball of `radius` metres at a place (3,).
 
-    Large faces near the ball are divided first."""
+    Large faces near the ball are divided first. A ball without vertices has no arms."""
     sheet = _faces_near(sheet, place, radius)
     distance = np.linalg.norm(sheet.V - place, axis=1)
     inside = distance < radius
@@ -208,7 +208,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     core = inside & (label == label[distance.argmin()])
     faces = np.flatnonzero(core[sheet.F].any(axis=1) & ~core[sheet.F].all(axis=1))
     crossed = core[ends].sum(axis=1) == 1
-    rows, sides = np.nonzero(crossed[face_edges[faces]])  # two per face
+    rows, sides = np.nonzero(crossed[face_edges[faces]])  # two edges per face
     edge = face_edges[faces][rows, sides]
     order = np.argsort(edge, kind="stable")
     shared = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -227,7 +227,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """Return the faces near the ball, divided to edges of at most half the radius; all faces if none is near."""
+    """Return the faces near a ball at `place`, divided to edges of at most radius / 2; all faces if none is near."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -258,9 +258,9 @@ class FamilyQuality:
     deviation  : mean angle to the stress, degrees. Weight: area x stress along members x clarity of its direction.
     off        : fraction of this weight where members deviate by over 30 degrees.
     dead_ends  : see `dead_ends`.
-    slits      : number of openings narrower than the members beside them. Before the cut: number of such bays.
-    slit_share : fraction of the members' length beside such openings.
-    drawn      : False without members; then all numbers are 0."""
+    slits      : number of openings (before the cut: bays) that are narrower than the members beside them.
+    slit_share : fraction of the members' length beside slits.
+    drawn      : False if the family has no members; then all numbers are 0."""
 
     spacing: Quantiles
     opening: Quantiles
@@ -289,9 +289,9 @@ class PatternQuality:
     """Quality of both families together.
 
     crossing_angle : the smallest angle between two members that cross, degrees; 90 without crossings.
-    symmetry_error : fraction of the surface where material differs from its mirror or rotated image, the largest of all
-                     symmetries of the design; None without symmetries.
-    turned         : rotation of the stripes from the stress, by the user, degrees. Deviations are from this angle.
+    symmetry_error : fraction of the surface where material differs from its mirror or rotated image: the largest
+                     fraction of all symmetries of the design; None without symmetries.
+    turned         : rotation of the stress directions by the user, degrees. Deviations are from the rotated directions.
     titles         : names of both families in words."""
 
     major: FamilyQuality
@@ -308,7 +308,7 @@ class PatternQuality:
 
     @property
     def evenness(self) -> float:
-        """The larger ratio of P95 to P5 of the spacing."""
+        """P95 of the spacing divided by its P5, for the less even family."""
         return max(self.major.evenness, self.minor.evenness)
 
     @property
@@ -323,15 +323,15 @@ class PatternQuality:
 
     @property
     def deviation(self) -> float:
-        """Mean angle to the stress, degrees, the larger of both families."""
+        """Mean angle between members and stress, degrees, for the family with the larger angle."""
         return max(self.major.deviation, self.minor.deviation)
 
     @property
     def summary(self) -> str:
-        """Return a line of text about the quality."""
+        """Return a line of text about dead ends, slits, angles and symmetry."""
         crossing = f", crossing at {self.crossing_angle:.0f} or more" if self.major.drawn and self.minor.drawn else ""
         turned = f" turned by {self.turned:g}" if self.turned else ""
-        crooked = f"members {self.deviation:.1f} degrees off the stress{turned}{crossing}"
+        crooked = f"members {self.deviation:.1f} degrees off the stress direction{turned}{crossing}"
         symmetry = "" if self.symmetry_error is None else f", {self.symmetry_error:.2%} not symmetric"
         return f"{_count(self.dead_ends, 'dead end')}, {_count(self.slits, 'slit')}, {crooked}{symmetry}"
 

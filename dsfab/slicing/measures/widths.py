@@ -12,7 +12,7 @@ from dsfab.surface import Surface, next_half_edge, pieces
 
 
 class FarEnds(NamedTuple):
-    """Ends, on the boundary, of lines (k,) that measure widths.
+    """Ends of lines (k,) that measure widths. The ends lie on the boundary.
 
     edge   : half-edge on the boundary, -1 for lines without an end.    place : metres along this half-edge.
     slope  : cosine between line and half-edge.    length : length of the line, metres."""
@@ -42,15 +42,15 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Trace lines (k,) to the boundary, perpendicular to half-edges (k,), from `place` (k,) metres along them.
+    """Trace lines (k,) from points on the half-edges `start` (k,) to the boundary, perpendicular to the half-edges.
 
-    reach : metres; a longer line may stay without an end."""
+    place : (k,) metres along each half-edge.    reach : metres; a longer line may have no end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
     against = start_vertex != start_vertex[twin]  # the twin has the opposite direction
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # a line through more triangles runs along a member
+    for _ in range(2000):  # a line through over 2000 triangles runs along a member
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -68,7 +68,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
 
 
 def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
-    """Return the lines where they leave their triangles, in the frame of the half-edge there; y points outwards."""
+    """Return the lines at the exits from their triangles, in the frame of the exit's half-edge; y points outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
     # components of the direction (x, y) along the outward normals of the triangle's other two sides
@@ -100,7 +100,7 @@ MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
 """Starts of lines on a wall: its middle, and near its ends. The shortest lines between polylines start near an end."""
 OPPOSED = float(np.sin(np.radians(20)))
-"""Walls at over 20 degrees are not opposite: they meet at a corner, so their distance is not a width."""
+"""Two walls at an angle over 20 degrees are not opposite: they form a corner, so their distance is not a width."""
 TAPER = float(np.radians(1.5))  # Smallest angle between the walls of a tip, radians.
 
 
@@ -139,12 +139,12 @@ def crossings(
     tips: bool = False,
     reach: float = np.inf,
 ) -> Crossings:
-    """Measure the width of a sheet from all its walls.
+    """Measure the width of a sheet along lines that start at its walls.
 
     surface : an edge-manifold sheet.
-    walls   : (e,) the boundary edges that are walls. Lines that end at other edges are left out.
+    walls   : (e,) mask of boundary edges that count as walls. Lines that end at other edges are left out.
     start   : (e,) walls at which lines start; default all.    shares : positions of starts on each wall, 0 to 1.
-    tips    : True to count lines in tips.    reach : metres; longer lines may be left out."""
+    tips    : True to count lines in tips, where walls converge.    reach : metres; longer lines may be left out."""
     starting = walls if start is None else walls & start
     if not starting.any():
         none = np.empty((0, 2), dtype=np.int64)
@@ -184,8 +184,8 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
     slope : (k,) cosine between a line and the half-edge at its end; negative if walls converge along this half-edge.
 
-    Straight walls at an angle a meet at a distance of w / (2 tan(a / 2)) from a line of length w. In a tip, the wall
-    from one end of the line around the tip to the other end is 0.4 to 1.7 times as long as two such distances."""
+    Straight walls at an angle a meet at a distance of D = w / (2 tan(a / 2)) from a line of length w. A line is in a
+    tip if the wall between its ends, which goes around the tip, is 0.4 to 1.7 times 2 D long."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -198,12 +198,12 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
     ends = start.edge, next_half_edge(start.edge), finish.edge, next_half_edge(finish.edge)
     corner = np.stack([surface.F.ravel()[h] for h in ends])
-    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # both edges share a corner
+    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # start and end edge share a corner
     return np.asarray(neighbours | ((angle >= TAPER) & (wall_length >= 0.4 * wedge) & (wall_length <= 1.7 * wedge)))
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """Return numbers of boundary loops (3 m,), places, directions, and lengths of loops, metres.
+    """Return for all half-edges (3 m,) boundary loops or -1, places and directions; return also the loops' lengths (m).
 
     A place is the distance along the loop to a half-edge's middle. Directions are True for half-edges along the loop.
     The faces need no common orientation."""
@@ -223,7 +223,7 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 
 def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
-    """Return the loop (e,) of edges with ends (e, 2), the edges in order along the loops, and the number of loops."""
+    """Return the loop (e,) of each edge, all edges in order along the loops, and the loop count; ends : (e, 2)."""
     slot = sorted_order(ends.ravel())  # by vertex; 2 i + s is end s of edge i
     onward = np.empty_like(slot)
     onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the other end of the next edge
@@ -276,7 +276,7 @@ class Features:
     weight: Floats
 
     def quantiles(self, shares: Sequence[float]) -> Floats:
-        """Return the widths (q,), metres, that members do not exceed on fractions `shares` of the wall length."""
+        """Return quantiles (q,) of the members' widths, metres, weighted by wall length. shares : (q,), 0 to 1."""
         return weighted_quantiles(self.widths, self.weight, shares) if self.weight.sum() else np.empty(0)
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
@@ -316,8 +316,8 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
     tips  : True to measure gaps in tips, too.
 
     Widths and gaps are lengths of the lines in `crossings`. They are exact between straight walls. If walls bend by an
-    angle a from edge to edge, the error is up to 1 - cos a. Walls at over 20 degrees form a corner without width.
-    Pieces and openings without such lines have the size 4 area / perimeter."""
+    angle a from edge to edge, the error is up to 1 - cos a. Two walls at an angle over 20 degrees have no width.
+    Pieces and openings without lines in `crossings` have the size 4 area / perimeter."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)

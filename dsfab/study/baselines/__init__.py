@@ -39,6 +39,7 @@ def baselines_by_name(names: Iterable[str]) -> dict[str, Baseline]:
     for name in (names := list(dict.fromkeys(names))):
         if name not in BASELINES:
             raise DsfabError(
-                f"there is no competitor {name!r}{did_you_mean(name, BASELINES)}; there are {', '.join(BASELINES)}"
+                f"for a comparison, there is no competitor {name!r}{did_you_mean(name, BASELINES)}; choose from "
+                f"{', '.join(BASELINES)}"
             )
     return {name: BASELINES[name] for name in names}

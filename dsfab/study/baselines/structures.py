@@ -53,7 +53,7 @@ class ComparisonTask:
 
     @classmethod
     def from_design(cls, design: Design, area: float) -> Self:
-        """Return the task for the competitors of a design."""
+        """Return the common data of structures that are compared with a design. area : area of their material, m2."""
         pattern = design.pattern
         preset = pattern.preset_with_choices(design.preset)
         frequency = pattern.frequency
@@ -68,7 +68,7 @@ class ComparisonTask:
 
     @cached_property
     def on_modes(self) -> Preset:
-        """The preset with stripes on modes. Their mean distance is that of the design's stripes."""
+        """The preset with stripes on level lines of modes. The mean spacing is that of the design's stripes."""
         if self.even is None:
             return self.preset
         pattern, surface = self.preset.pattern, self.surface
@@ -114,7 +114,7 @@ class ComparisonTask:
 
     @cached_property
     def kept_layers(self) -> Sequence[Layer]:
-        """Layers that are material in every cut competitor: the discs around loads and supports, and the rim."""
+        """Layers that are material in every compared structure: the discs around loads and supports, and the rim."""
         return kept_regions(self.preset, self.surface, self.statics.load, self.even)
 
     @property
@@ -160,7 +160,7 @@ class Variant:
     make: Callable[[], Structure]
 
 
-Baseline = Callable[[ComparisonTask], list[Variant]]  # returns the variants of a competitor; the stiffest one counts
+Baseline = Callable[[ComparisonTask], list[Variant]]  # makes variants of a structure; the stiffest variant is compared
 
 
 def thinner(task: ComparisonTask) -> list[Variant]:
@@ -174,7 +174,7 @@ Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return the structure whose sheet has the area of the task. Loose pieces are removed; wider stripes replace them.
+    """Return the structure whose sheet has the area `task.area`. Loose pieces are removed; wider stripes replace them.
     If no width gives the area, a smaller `slicing.snap` is tried. Raises PatternError if this fails, too."""
     try:
         return _structure_of_area(task, drawing)
@@ -196,7 +196,7 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
         target_share -= excess * task.share
         if not 0 < target_share < 1:
             break
-    raise PatternError(f"falls apart: without its loose pieces its mass differs by at least {abs(nearest):.1%}")
+    raise PatternError(f"falls apart: without its loose pieces its mass differs by {abs(nearest):.1%} or more")
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer], improve: bool = True) -> Structure:
@@ -221,14 +221,14 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return a structure with the task's area: the stripes `even` or, by default, stripes on modes of `diffusion`."""
+    """Return a structure of the stripes `even` or, by default, of stripes on modes of `diffusion`; area `task.area`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
 
 
 def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[DrawableFamily]) -> Structure:
-    """Return the structure of families of stripes with the task's area and with widths by the preset's rule.
+    """Return the structure of families of stripes. Its area is `task.area`; the preset's rule gives the widths.
     Dead ends are removed only if the preset requests it."""
     task, factor = replace(task, preset=preset), 0.0
 
@@ -244,13 +244,13 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # number of modes in the pairs; modes with equal eigenvalues may come in any order
+MODES = 3  # number of modes that `PAIRS` combines; modes with equal eigenvalues may come in any order
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
-PHASES = (0.0, 0.25, 0.5, 0.75)  # phases, in periods, of the variants without modes
+PHASES = (0.0, 0.25, 0.5, 0.75)  # phases of stripes that do not follow modes, in periods
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress: preset with equal widths, pairs of modes, and function that computes modes."""
+    """Stripes that ignore the stress: preset, pairs (major mode, minor mode), and function that computes modes."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -264,7 +264,7 @@ def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
     families = blind.pattern.major, blind.pattern.minor
     alike = families[0].stripes == families[1].stripes and families[0].spacing == families[1].spacing
-    # both families have the same modes; if their stripes are equal too, the pair (2, 1) gives the structure of (1, 2)
+    # if the stripes of both families are equal, the pairs of modes (1, 2) and (2, 1) give the same structure
     pairs = [(a, b) for a, b in PAIRS if not alike or a <= b]
     return IsotropicStripes(blind, _distinct_pairs(blind, pairs), diffusion)
 
@@ -280,7 +280,7 @@ def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Va
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
-    """Return variants on pairs of modes. Their tensors are the design's, turned by 45 degrees in the tangent plane."""
+    """Return a variant for each pair of modes. The design's diffusion tensors are turned by 45 degrees in the sheet."""
 
     @cache
     def diffusion() -> DiffusionResult:
@@ -294,7 +294,7 @@ def rotated_stripes(task: ComparisonTask) -> list[Variant]:
 
 
 def von_mises(task: ComparisonTask) -> list[Variant]:
-    """Return one family of equally wide stripes along level lines of the von Mises stress, as the paper discusses."""
+    """Return one family of equally wide stripes along level lines of the von Mises stress."""
     value = mode_like_field(task.surface, task.statics.answers.stress.largest)
     return [
         Variant(f"phase {phase:g}", partial(_plain_stripes, task, {"von Mises": (value, task.frequency[0])}, phase))
@@ -323,7 +323,7 @@ def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) ->
 
 
 def mode_like_field(surface: Surface, face: Floats) -> Floats:
-    """Average values (m,) of faces at the vertices. Return the averages (n,), scaled by `scaled_field`."""
+    """Return the means (n,) at the vertices of values (m,) of faces, scaled by `scaled_field`."""
     return scaled_field(surface, vertex_means(surface, face))
 
 

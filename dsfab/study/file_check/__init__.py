@@ -126,8 +126,8 @@ def check_contents(
 
 
 def file_soundness(contents: FileContents, tell: Progress) -> Soundness:
-    """Look for holes and crossings, of a STEP file in finer triangles too if some cross."""
-    finer = "drawing triangles of curved faces finer, since some cross"
+    """Look for holes and crossings. If triangles of a STEP file cross, repeat the search with finer triangles."""
+    finer = "drawing finer triangles on curved faces, because some triangles cross"
     triangles = StepTriangles(contents.V, contents.F, contents.face, contents.collapsed)
     return curved_soundness(triangles, contents.deflection, contents.shape, lambda: tell("judge", finer))
 
@@ -174,7 +174,7 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication]: by measures of the design if the file is equal to it, else of the file."""
+    """Check the limits of [fabrication] on the design if the file is equal to the design, else on the file."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):
@@ -185,7 +185,7 @@ def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_d
             continue
         clearance = getattr(walls_and_gaps, name) if walls_and_gaps else None
         if walls_and_gaps is None:
-            findings.append(Finding(name, "unknown", "the file is not closed"))
+            findings.append(Finding(name, "unknown", "the surface in the file is not closed"))
         else:
             findings.append(Finding(name, "fail" if clearance is not None and clearance.size < limit else "pass"))
     return findings
@@ -195,7 +195,7 @@ def _built_measure(check: Check) -> str:
     if not check.value:
         return "none in the design"
     place = ", ".join(f"{x:.4g}" for x in check.place)
-    return f"{length(check.value[0])} in the design, at ({place}) m; the limit is {length(check.limit[0])}"
+    return f"smallest in the design: {length(check.value[0])}, at ({place}) m; the limit is {length(check.limit[0])}"
 
 
 def _solid_compliance(

@@ -76,7 +76,7 @@ def read_shipped(
     suffix = path.suffix.lower()
     if path.is_dir():
         names = sorted(file.name for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
-        hint = f"give {path / names[0]}" if names else f"it has no file that `dsfab check` reads: {', '.join(SUFFIXES)}"
+        hint = f"give {path / names[0]}" if names else f"the folder has no file to check: {', '.join(SUFFIXES)}"
         raise ExportError(f"{path} is a folder; {hint}")
     if suffix not in SUFFIXES:
         raise ExportError(f"{path} has the suffix {suffix!r}; `dsfab check` reads {', '.join(SUFFIXES)}")
@@ -246,8 +246,8 @@ class Allowance:
 
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
-        """Return the allowance of a file. STL and 3MF must fit exactly. In STEP, planar faces may be simplified; for
-        curved faces, the chord error of the design's mesh and `contents.deflection` are added to the allowance."""
+        """Return the allowed distance of a file's solid from the design. STL and 3MF must fit exactly. In STEP, planar
+        faces may be simplified; curved faces may also differ by the mesh's chord error and `contents.deflection`."""
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)
@@ -261,7 +261,7 @@ class Allowance:
         return cls(flat + contents.deflection, limits)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the allowed distance (k,), metres, at points (k, 3)."""
+        """Return the allowed distance (k,) between the two solids at points (k, 3), metres."""
         flat = np.full(len(points), self.flat)
         if self.limits is None:
             return flat
@@ -269,7 +269,7 @@ class Allowance:
 
 
 def off_surface(preset: Preset) -> float:
-    """Return how far (m) a file's curved faces may be from the surface, without the chord error of the mesh."""
+    """Return the allowed distance (m) of a file's curved faces from the surface; the chord error is not included."""
     return preset.export.step_tolerance or OFF_SURFACE * preset.statics.thickness
 
 
@@ -294,7 +294,7 @@ def _farthest(
     P = np.concatenate([V, V[F].mean(axis=1)])
     offsets = nearest_places(P, onto_V, onto_F).distance
     k = int(offsets.argmax())
-    candidates = np.flatnonzero(offsets > allowed.flat)  # all other points are near enough without the chord error
+    candidates = np.flatnonzero(offsets > allowed.flat)  # all other points are within the limit for flat faces
     candidates = candidates if len(candidates) else np.array([k])
     permitted = allowed.at_points(P[candidates])
     worst = int((offsets[candidates] - permitted).argmax())

@@ -219,7 +219,7 @@ GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 
 @dataclass(frozen=True)
 class SolidCompliance:
-    """Compliances (J) of the cut sheet (`shell`) and of the file (`solid`), under the loads that the pattern follows.
+    """Compliances (J) of a design's cut sheet (`shell`) and of the solid in a file (`solid`) under the same loads.
     tetrahedra : number of tetrahedra in the solid model.    unknowns : number of unknowns.
     edge       : longest edge on the surface of the solid model, metres.    elements : elements of the shell."""
 
@@ -240,7 +240,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
     """Compare the compliance of the solid in a file with that of its design's sheet.
     edge : longest edge on the surface of the solid model, metres; default: see `EDGE` and `COARSE`.
 
-    The loads and supports of the cut sheet act on the mean displacement through the thickness.
+    The solid gets the loads and supports of the cut sheet, applied to its mean displacement through the thickness.
     Raises StaticsError if gmsh or the solver fails."""
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness

@@ -12,7 +12,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""Limits for a snap: displacement per load in a step, divided by that in the first and in the previous step."""
+"""A structure snaps through if its displacement per load is this many times that of the first and the previous step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,15 +44,15 @@ class NonlinearCheck:
     def sentence(self) -> str:
         how, stop = f"gives way at {self.limit:.3g} times its load", ""
         if self.minutes:
-            how = f"followed to {self.limit:.3g} times its load"
+            how = f"solved up to {self.limit:.3g} times its load"
             stop = f", then stopped at the time limit of {self.minutes:.3g} minutes (--minutes): it may bear more"
         elif not self.given_way:
             how = f"bears {self.limit:.3g} times its load, and may bear more"
         mesh = f" of a surface with edges of {length(self.edge)}, cut without fillets" if self.edge else ""
         return (
             f"{self.case}: {how} with large displacements and an imperfection of {length(self.imperfection)} in the "
-            f"shape of its first buckling{stop}; that buckling comes at {self.linear:.3g} by linear theory (CalculiX, "
-            f"{self.triangles:,} quadratic wedges{mesh}, linear elastic material)"
+            f"shape of the first buckling mode{stop}; by linear theory the sheet buckles at {self.linear:.3g} times "
+            f"its load (CalculiX, {self.triangles:,} quadratic wedges{mesh}, linear elastic material)"
         )
 
 
@@ -123,14 +123,14 @@ def solid_check(
     middle = model.solid.columns[:, 2]
     watched = middle[:: -(-len(middle) // 1000)]  # watch at most 1000 vertices
     largest_factor = 1.2 * linear
-    progress("nonlinear", f"loads up to {largest_factor:.3g} times theirs, with large displacements")
+    progress("nonlinear", f"solving up to {largest_factor:.3g} times the loads, with large displacements")
     start = model.solid.nodes + imperfection * shape
     path = load_path(model, start, (largest_factor,), watched, seconds, last_point)
     limit_step, given_way = limit_of(path)
     # finer steps do not help if there is no equilibrium just above the last load
     has_no_equilibrium = given_way and limit_step == len(path.load) - 1
     if not has_no_equilibrium and (fine := softest_range(path)) is not None:
-        progress("nonlinear", f"loads from {fine[0]:.3g} to {fine[1]:.3g} times theirs in finer steps")
+        progress("nonlinear", f"solving from {fine[0]:.3g} to {fine[1]:.3g} times the loads in finer steps")
         closer = load_path(model, start, fine, watched, seconds, last_point)
         path = closer if limit_of(closer)[1] else path
     limit_step, given_way = limit_of(path)
@@ -164,8 +164,8 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the number of the point at which a path may stop, or None. It is the end of a snap, or a point from which
-    CalculiX fails even with a step of less than 2.5 % of the load."""
+    """Return the point after which the computation of a path may stop, or None. It is the point after a snap-through,
+    or a point from which CalculiX fails even with a step of less than 2.5 % of the load."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:

@@ -260,7 +260,7 @@ def prepare(
 ) -> SweepFolder:
     """Create or update the folder of a plan and record its runs. Call this function inside `only_coordinator`.
     checked : result of `checked_plan`, if the caller has it.
-    extend  : True if a changed plan may add runs. New metrics or kept files repeat all runs.
+    extend  : True if a changed plan may add runs. If the metrics or the kept files change, all runs are repeated.
     Raises DsfabError for a changed plan without `extend`, and PresetError for invalid keys and values."""
     preset, runs = checked_plan(plan) if checked is None else checked
     settled = _portable_plan(plan, runs)

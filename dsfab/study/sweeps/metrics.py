@@ -189,7 +189,7 @@ Better = Literal["less", "more", ""]
 
 
 class MetricFacts(NamedTuple):
-    """Unit of a metric, `better` (less or more), the last stage that it needs, and a description."""
+    """Unit of a metric, `better` (whether less or more is better), the last stage that it needs, and a description."""
 
     unit: str
     better: Better
@@ -197,7 +197,7 @@ class MetricFacts(NamedTuple):
     says: str
 
 
-_CUT = "on the mesh as it is cut"
+_CUT = "on the unrefined cut mesh"
 ABOUT: Mapping[str, MetricFacts] = {
     "area": MetricFacts("m2", "less", "slicing", "area of the kept sheet"),
     "kept_share": MetricFacts("", "less", "slicing", "area of the kept sheet over that of the surface"),
@@ -206,35 +206,35 @@ ABOUT: Mapping[str, MetricFacts] = {
     "pieces": MetricFacts("", "less", "slicing", "connected parts of the kept sheet"),
     "genus": MetricFacts("", "", "thickening", "number of handles of the solid: its holes"),
     "compliance_uncut": MetricFacts("J", "less", "statics", "compliance of the uncut surface, to rank designs by"),
-    "sheet_mass": MetricFacts("kg", "less", "slicing", "area x thickness x density: a mass that needs no solid"),
+    "sheet_mass": MetricFacts("kg", "less", "slicing", "area x thickness x density, without building the solid"),
     "loose": MetricFacts("", "less", "slicing", "share of the cut material that reaches no support"),
     "pinches": MetricFacts("", "less", "slicing", "point contacts that were joined or split"),
-    "min_width": MetricFacts("m", "more", "slicing", "width across the stripes; a tenth of their area may be narrower"),
-    "evenness": MetricFacts("", "less", "pattern", "widest over narrowest member spacing, P95/P5; the worse family"),
-    "dead_ends": MetricFacts("", "less", "pattern", "ends of members that meet nothing, and members that turn back"),
+    "min_width": MetricFacts("m", "more", "slicing", "width that stripes exceed on 90 % of their area"),
+    "evenness": MetricFacts("", "less", "pattern", "wide over narrow member spacing, P95/P5, of the less even family"),
+    "dead_ends": MetricFacts("", "less", "pattern", "loose ends of members, and members that make a U-turn"),
     "slits": MetricFacts("", "less", "pattern", "openings narrower than the members beside them"),
     "deviation": MetricFacts("degrees", "less", "pattern", "angle from members to stress, weighted by the stress"),
     "crossing_angle": MetricFacts("degrees", "more", "pattern", "smallest angle between two members that cross"),
-    "symmetry_error": MetricFacts("", "less", "pattern", "share of the surface where material differs from its image"),
+    "symmetry_error": MetricFacts("", "less", "pattern", "share of the surface where material is not symmetric"),
     "compliance": MetricFacts(
-        "J", "less", "slicing", f"one solve {_CUT}, {elements_of('compliance_once')}: within 5 % for nine in ten"
+        "J", "less", "slicing", f"one solve {_CUT}, {elements_of('compliance_once')}: 9 designs in 10 within 5 %"
     ),
     "compliance_quick": MetricFacts(
         "J", "less", "slicing", f"one solve {_CUT}, {elements_of('ranking')}: ranks designs, 5 to 15 % off"
     ),
-    "displacement": MetricFacts("m", "less", "slicing", f"largest displacement of the solve of `compliance`, {_CUT}"),
+    "displacement": MetricFacts("m", "less", "slicing", f"largest displacement, by the solve for `compliance` {_CUT}"),
     "stress": MetricFacts("Pa", "less", "slicing", f"von Mises stress that 99 % of the area does not exceed, {_CUT}"),
     "buckling": MetricFacts(
         "",
         "more",
         "slicing",
-        f"linear buckling factor {_CUT}, often 4 to 8 % low; shells reach a fifth to a half of it",
+        f"linear buckling factor {_CUT}, often 4 to 8 % low; shells fail at a fifth to a half of this factor",
     ),
     "verdict": MetricFacts("J", "less", "slicing", "compliance by the full verdict, which takes about ten solves"),
-    "verdict_bound": MetricFacts("", "less", "slicing", f"error bound of `verdict`; converged up to {CONVERGED:g}"),
+    "verdict_bound": MetricFacts("", "less", "slicing", f"error bound of `verdict`; {CONVERGED:g} or less is accurate"),
     "over_thinner": MetricFacts("", "less", "slicing", "compliance over that of a thinner sheet of the same mass"),
     "over_isotropic": MetricFacts("", "less", "slicing", "compliance over that of isotropic stripes of the same mass"),
-    "ersatz": MetricFacts("J", "less", "slicing", "rough compliance of the uncut mesh, with thinner faces for gaps"),
+    "ersatz": MetricFacts("J", "less", "slicing", "rough compliance: stiffness of uncut faces x share of material"),
 }
 """Description of each metric."""
 

@@ -217,7 +217,7 @@ class Plan(BaseModel):
     vary: dict[str, Values] = {}
     """Dotted keys, each with a list of values or a range {from, to, count, log}."""
     linked: tuple[dict[str, Listed], ...] = ()
-    """Tables of keys whose values change together: lists of equal length."""
+    """Tables of keys whose values change together. In each table, all lists have the same length."""
     sampling: Annotated[str, Field(pattern=r"^(grid|sobol:[1-9]\d*|lhs:[1-9]\d*|csv:.+)$")] = "grid"
     """grid: all combinations; sobol:N or lhs:N: N points; csv:FILE: a run for each row."""
     seed: Annotated[int, Ge(0), Le(2**31)] = 0

@@ -49,7 +49,7 @@ def digest(changes: Mapping[str, Any]) -> str:
 
 
 def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
-    """Return the changes at the positions u (k,) in 0..1 along the k axes."""
+    """Return the values of the keys at the positions u (k,), from 0 to 1, on the k axes."""
     changes: Changes = {}
     for axis, place in zip(axes, u, strict=True):
         changes.update(axis.changes_at(float(place)))
@@ -101,7 +101,7 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """Yield the changes of each row in a CSV file. Each column is a dotted key, with values as after --set.
+    """Yield the changes of each row in a CSV file. Column names are dotted keys; values are written as for --set.
     If columns begin with 'in:', only these columns are used.
     Raises PresetError for a file that has no rows or cannot be read."""
     try:
@@ -225,12 +225,12 @@ class Store:
         return str(rows[0][0]) if rows else None
 
     def describe(self, texts: Mapping[str, str]) -> None:
-        """Record texts about the sweep under their keys."""
+        """Record texts about the sweep. texts : by key, such as 'plan'."""
         with self._change() as db:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
 
     def add(self, runs: Sequence[Mapping[str, Any]], texts: Mapping[str, str]) -> int:
-        """Add new runs as waiting, and record texts by key. Return the number of added runs."""
+        """Add new runs as waiting, and record `texts` by their keys, such as 'plan'. Return the number of new runs."""
         with self._change() as db:
             before = db.total_changes
             number = db.execute("SELECT coalesce(max(number), 0) FROM runs").fetchone()[0]
@@ -321,9 +321,9 @@ FEWEST, PER_AXIS = 12, 4
 """Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. It does not depend on
 the number of evaluations, so that a search can be extended."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
-"""Smallest costs of runs that miss constraints, failed, or were not made. A smaller miss costs less [Deb 2000]."""
+"""Least cost of a run that misses constraints, of a failed run, and of a run that was not made [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Function that makes those proposed runs that are missing, and returns all proposed runs by `digest`."""
+"""Function that carries out the proposed runs without a result, and returns all proposed runs by `digest`."""
 
 
 def search(plan: Plan, make: Make) -> None:

@@ -79,7 +79,7 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return a worker's next run, or None. An empty queue gets all free runs, or half of the longest queue."""
+        """Return a worker's next run, or None. A worker without runs gets all free runs or half the longest queue."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()

@@ -25,7 +25,7 @@ from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
-"""Function that returns the picture of a design as bytes of a PNG file; `dsfab.app` passes it, because it can draw."""
+"""Function that returns the picture of a design as bytes of a PNG file. The package `dsfab.app` provides it."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +232,7 @@ class LocalWorkers:
             self.pids[worker] = future.result()
 
     def lost(self, worker: str) -> str:
-        """End a worker. Return a reason if a process was killed for lack of memory since the last call; else ''."""
+        """End a worker. Return a reason if low memory made the system kill a process since the last call; else ''."""
         self.pids.pop(worker, None)
         pool = self._pools.pop(worker, None)
         if pool is None:
@@ -343,7 +343,7 @@ class DaskWorkers:
         return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
 
     def lost(self, worker: str) -> str:
-        """Forget a worker. Return '', because Dask gives no reason."""
+        """Forget a worker. Return '', because Dask does not report why a worker ended."""
         self._executors.pop(worker, None)
         return ""
 

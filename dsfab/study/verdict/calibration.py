@@ -64,7 +64,7 @@ class TrialRow:
 
     @property
     def levels(self) -> int:
-        """Number of meshes in the design's verdict: two, or three if the bound after two is too large."""
+        """Number of meshes in the verdict on the design: two, or three if the error bound of two is too large."""
         return 2 if self._estimate_after(2).bound <= CONVERGED else 3
 
     @property
@@ -123,7 +123,7 @@ def summary(rows: Sequence[TrialRow]) -> Summary:
     """Return the statistics of a table. Raises ValueError if `is_tested` is False for all rows."""
     rows = [row for row in rows if row.is_tested]
     if not rows:
-        raise ValueError("no design was solved on a mesh beyond those of its verdict")
+        raise ValueError("no design was solved on more meshes than its verdict needs")
     bounds, quick = [row.estimate.bound for row in rows], [abs(row.quick_error) for row in rows]
     return Summary(
         len(rows),
@@ -177,7 +177,7 @@ WIDTHS = ("plain", "constant", "graded")
 
 @dataclass(frozen=True)
 class Kind:
-    """Designs of one surface: a shipped preset, changes to this preset, and a range of random frequencies."""
+    """Random designs on one surface: a shipped preset, changes to this preset, and limits of the stripes' frequency."""
 
     preset: str
     changes: dict[str, Any]
@@ -216,7 +216,7 @@ KINDS: dict[str, Kind] = {
 
 
 def random_design(kind: str, seed: int) -> Design:
-    """Return a design with random stripes, widths and share; equal seeds give equal designs.
+    """Return a design with random stripes, widths and share of material; equal seeds give equal designs.
     Raises DsfabError if the design cannot be built."""
     rng, surface_kind = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}

@@ -10,8 +10,8 @@ from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
-EXTRAPOLATION_DIVISOR = 2.0  # d in c1 + (c1 - c0) / d, the extrapolation from compliances c0, c1
-LEAST_BOUND = 0.003  # smallest bound: the calibration table itself has errors of 0.1 to 0.2 %
+EXTRAPOLATION_DIVISOR = 2.0  # d in c1 + (c1 - c0) / d, the limit of compliances c0 (coarse mesh), c1 (finer mesh)
+LEAST_BOUND = 0.003  # smallest relative error bound: the calibration table itself has errors of 0.1 to 0.2 %
 QUICK_ERRORS = (0.02, 0.05)  # median and 90 % quantile of the relative error of one solve (quick)
 LEAST_EDGES_PER_MEMBER = 4.0  # members narrower than 4 edges of the uncut mesh give a warning
 
@@ -25,14 +25,14 @@ class ComplianceEstimate:
 
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
-    """Return the compliance and its bound, extrapolated from compliances `values` on finer and finer meshes. Each mesh
-    has four times the triangles of the previous mesh; the elements are quadratic + hhj.
-    spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. Each refinement
-               about halves it.
-    recovery : recovery error of the finest mesh, see `Level.zz_membrane`.
+    """Return the compliance and its error bound, extrapolated from compliances `values` on finer and finer meshes.
+    Each mesh has four times the triangles of the previous mesh. The elements are quadratic + hhj.
+    spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. The bound assumes
+               that each refinement halves this difference.
+    recovery : relative energy error of the stress on the finest mesh, see `Level.zz_membrane`.
     With three meshes, the value is the mean of two extrapolations: by `EXTRAPOLATION_DIVISOR` and by
     `limit_at_own_rate`."""
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest factors that suffice for calibration.csv
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest factors that fit calibration.csv
     if len(values) < 2:
         # for 19 of 20 designs, the factor 1.7 suffices
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
@@ -45,7 +45,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate by the ratio of the last two differences, within `STEP_RATIOS`; else by `EXTRAPOLATION_DIVISOR`."""
+    """Extrapolate by the ratio of the last two differences; if it is not positive, by `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -70,7 +70,7 @@ class ModeEstimate:
 
     @property
     def finite_bound(self) -> float | None:
-        """The bound; None for one mesh."""
+        """The error bound; None if only one mesh was solved."""
         return self.bound if self.bound < float("inf") else None
 
 
@@ -80,8 +80,8 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
 
     Two meshes: half of the step is added to the last value, and the bound is the whole step. Three meshes: the value is
     extrapolated by the ratio of the steps, and the bound is the extrapolated part. If the steps have opposite signs or
-    do not clearly decrease, the value is that of the finest mesh, and the bound is twice the larger step, or twice the
-    last step if the steps decrease. The bound covers only errors of the mesh."""
+    do not clearly decrease, the value is that of the finest mesh. The bound is then twice the last step if the steps
+    clearly decrease, else twice the larger step. The bound covers only errors of the mesh."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -113,7 +113,7 @@ class Extreme:
 
     @property
     def settled(self) -> float:
-        """Largest value that converges with refinement: `away`, or `value` if `away` is None."""
+        """Largest value without the stress at corners (`away`), or `value` if `away` is None."""
         return self.value if self.away is None else self.away
 
 

@@ -38,7 +38,7 @@ class ModeLevel:
     triangles : number of triangles.
     buckling  : lowest buckling factor of each case, None without compression; empty if not requested.
     hertz     : lowest frequency (Hz); None if not requested.
-    local     : clauses about local buckling modes by case, see `lowest_buckling`."""
+    local     : text about the lowest buckling mode, by case, if this mode is local; see `lowest_buckling`."""
 
     triangles: int
     buckling: Mapping[str, float | None]

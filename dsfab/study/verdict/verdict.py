@@ -153,7 +153,7 @@ class Verdict:
 
     @property
     def theory(self) -> float:
-        """Fraction by which a solid may be softer than the thin sheet in the governing case."""
+        """Fraction by which a solid may be softer than the thin sheet, in the first of `cases`."""
         return self.cases[0].theory
 
     @property
@@ -244,7 +244,7 @@ class Refinement:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         pairs: tuple[Elements, ...] = (QUICK_ELEMENTS,)
-        if self.depth == "full":  # the second pair of elements is solved only on the first mesh
+        if self.depth == "full":  # `SPREAD_ELEMENTS` are solved only on the first mesh
             pairs = (MAIN_ELEMENTS,) if self.levels else (MAIN_ELEMENTS, SPREAD_ELEMENTS)
         ribs = self.depth == "full" and not self.levels
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))
@@ -256,8 +256,8 @@ class Refinement:
         if self.depth == "quick":
             typical, largest_error = estimates.QUICK_ERRORS
             reason = (
-                f"one solve on the cut mesh: typically within {percent(typical)}, nine in ten within "
-                f"{percent(largest_error)}"
+                f"one solve on the cut mesh: typical error {percent(typical)}, under {percent(largest_error)} "
+                "for 90 % of designs"
             )
             return CaseVerdict(name, values[0], largest_error, "unknown", reason, 0.0, *errors)
         coarsest = self.levels[0]
@@ -265,7 +265,7 @@ class Refinement:
         estimate = estimates.estimate(values, spread, sum(errors[:2]))
         is_known = len(values) > 1 and estimate.bound <= CONVERGED
         if len(values) == 1:
-            reason = f"{percent(estimate.bound)} by the recovery error of one mesh, which alone shows no convergence"
+            reason = f"bound {percent(estimate.bound)} by the recovery error; one mesh cannot show convergence"
         elif is_known:
             reason = f"converged within {percent(estimate.bound)}"
         else:
@@ -280,7 +280,7 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %"
 
 
-BUDGET = 4e9  # default memory limit of a verdict, bytes
+BUDGET = 4e9  # default memory limit of the solves for a verdict, bytes
 
 
 def check(
@@ -352,7 +352,7 @@ def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...],
 
 
 def facet_ratio(smooth: SmoothSurface, thickness: float) -> float:
-    """Return the median of L^2 / (R h) (see `Verdict.facets`), which is 8 times the length of `bulge` divided by h."""
+    """Return the median of L^2 / (R h), see `Verdict.facets`. L^2 / R is 8 times the length of `bulge`."""
     return 8 * float(np.median(np.linalg.norm(smooth.bulge, axis=1))) / thickness
 
 
@@ -360,13 +360,13 @@ def _warnings(across: float, facets: float) -> list[str]:
     warnings = []
     if across < estimates.LEAST_EDGES_PER_MEMBER:
         warnings.append(
-            f"members are on average {across:.2g} edges of the uncut mesh wide (better "
+            f"the mean width of members is {across:.2g} edges of the uncut mesh (better "
             f"{estimates.LEAST_EDGES_PER_MEMBER:g} or more), so their outline is coarse; make the mesh finer "
-            "(surface.edge), or the stripes fewer"
+            "(surface.edge), or use fewer stripes"
         )
     if facets > FACETS:
         warnings.append(
-            f"flat faces are {facets:.2g} thicknesses off the smooth surface, as L^2 / (R h) (better under "
-            f"{FACETS:g}), so the shape between the vertices is uncertain; make the mesh finer (surface.edge)"
+            f"flat faces are too far off the smooth surface: L^2 / (R h) is {facets:.2g} (better under {FACETS:g}) for "
+            "edge length L, radius R and thickness h; make the mesh finer (surface.edge)"
         )
     return warnings

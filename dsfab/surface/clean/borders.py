@@ -44,7 +44,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
             better = _smoothed_line(V[line], closed)
             moves = lengths(better - V[line])
             step = lengths(np.diff(V[line], axis=0)).mean()
-            # larger moves would destroy intended shapes, such as deep teeth
+            # larger moves would destroy intended shapes, such as teeth
             if moves.max() > min(step, 0.04 * largest):
                 continue
             changed = _with_line(V, F, line, better)

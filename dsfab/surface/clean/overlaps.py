@@ -26,8 +26,8 @@ from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_compo
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Return which pairs (p,) of vertices at one place, (p, 2), lie on a line where two sheets of faces F (m, 3) cross.
-    Both vertices of such a pair lie inside their sheets. At the ends of the line, they may also lie on borders."""
+    """Mark the pairs (p, 2) of vertices at one place that lie on a line where two sheets of faces F (m, 3) cross.
+    Each of the two vertices lies inside its sheet. At the ends of the line, a vertex may also lie on a border."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -57,7 +57,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Mark the pairs (p,) at the ends of a crossing line: edges (e, 2) of both sheets join them to a crossing pair."""
+    """Mark pairs (p,) at the ends of a line where sheets cross: edges (e, 2) of both sheets lead to a marked pair."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -293,7 +293,7 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if gap is not None:
             if moved:
                 to = V[F[first_part]].mean(axis=1) + translation
-                # drop faces of the slab's sides, which are now far from the second part
+                # drop faces at the rim of the slab, which are now far from `second_part`
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]
             yield ParallelParts(first_part, second_part, gap, "slab", piece_faces, translation)
 
@@ -357,7 +357,7 @@ def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, largest = weighted_quantiles(gaps, area, (IGNORED_SHARE, 0.5, 1 - IGNORED_SHARE))
-    uneven = 2.5  # largest ratio of distances in a slab; a cushion has a larger ratio
+    uneven = 2.5  # largest ratio of distances between the two faces of a slab; a pillow has a larger ratio
     if largest > PARALLEL_GAP * side or (even and not (largest <= uneven * middle and middle <= uneven * least)):
         return None
     return None if middle <= COPY_GAP * side < largest else float(middle)
@@ -383,7 +383,7 @@ def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
     if not len(with_area):
         return
     sound, overlapping = sound[with_area], overlapping_faces(V, near[with_area])
-    remedies = "remove them, or set surface.mend = true", "cut them where they meet the others"
+    remedies = "remove these faces, or set surface.mend = true", "cut these faces where they meet other faces"
     for faces, partly, remedy in zip((overlapping.whole, overlapping.part), ("", "partly "), remedies, strict=True):
         faces = np.setdiff1d(sound[faces], reported)
         if len(faces):

@@ -93,7 +93,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with one sheet in place of two copies or a slab. metres : length of its unit in metres."""
+    """Return the mesh with one sheet in place of two copies of a sheet, or of a slab. metres : unit of V in metres."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
@@ -129,13 +129,13 @@ def stitched_mesh(mesh: MendedMesh) -> MendedMesh:
 
 def _join_at_points(mesh: MendedMesh) -> MendedMesh:
     F, count = joined_at_points(mesh.V, mesh.F)
-    words = f"parts that touch in a point joined by a face at {count_phrase(count, 'place')}"
+    words = f"parts that touch in a point: joined by a face at {count_phrase(count, 'place')}"
     return replace(mesh, F=F, repairs=(*mesh.repairs, words)) if count else mesh
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
     """Return all faces (k,), but only one face of each set of overlapping faces.
-    A face disappears with all its copies if two other faces meet at one of its edges, as at a cushion's corner."""
+    A set disappears entirely if two other faces meet at an edge of the set, as at a cushion's corner."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -184,7 +184,7 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
-HOLE = 0.15  # Holes of a scan are filled if their outline is shorter than this times its largest dimension.
+HOLE = 0.15  # Holes of a scan are filled if their outline is shorter than this times the scan's largest dimension.
 SPECK = 0.05  # Pieces of a scan are removed if their area is below this times the largest piece's area.
 FINE, SEVERAL = 0.01, 3
 """A mesh is a scan if its mean edge is below `FINE` times its largest dimension, and it has faults.
@@ -193,8 +193,8 @@ NOISY, FOLDED = 0.02, 1e-3
 """A mesh is also a scan if its mean edge is below `NOISY` times its largest dimension, and if the fraction of folded
 faces is above `FOLDED`. This fraction was at most 0.0002 in meshes of designs, and 0.003 in a noisy mesh."""
 TILTED, LOW = 0.7, 0.5
-"""A face is tilted by noise if the cosine between its normal and those around it is below `TILTED` (45 degrees),
-and its height is below `LOW` mean edges. Higher faces may be tilted by a real bend."""
+"""A face is tilted by noise if the cosine between its normal and the mean normal of its neighbours is below `TILTED`,
+and the face's height is below `LOW` times the mesh's mean edge. Higher faces may be tilted by a real bend."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
@@ -204,7 +204,7 @@ def is_scan(V: Floats, F: Ints) -> bool:
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
     if (edges.count > 2).sum() >= SEVERAL:
-        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # a copied sheet does not make the mesh a scan
+        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # copies of faces do not count as faults of a scan
         edges = edge_table(F)
     mean = float(lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]]).mean())
     if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded_faces(V, F).mean() > FOLDED:
@@ -243,7 +243,7 @@ def _split_junctions(mesh: MendedMesh) -> MendedMesh:
     fans = corner_fans(mesh.F, edges, joined_pairs)
     _, first_corners = np.unique(fans, return_index=True)
     V = mesh.V[mesh.F.ravel()[first_corners]]
-    what = f"{count_phrase(len(crowded), 'edge')} with more than two faces split" if len(crowded) else ""
+    what = f"faces separated at {count_phrase(len(crowded), 'edge')} with more than two faces" if len(crowded) else ""
     what = what or f"{count_phrase(points, 'point')} between touching parts split"
     return MendedMesh(V, fans, (*mesh.repairs, what))
 
@@ -332,13 +332,13 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
             break
     used, F = np.unique(F, return_inverse=True)
     lost = count_phrase(len(V) - len(used), "short edge")
-    what = f"{count_phrase(count, 'face')} folded over or tilted by noise flattened: {lost} collapsed"
+    what = f"{lost} collapsed, to flatten {count_phrase(count, 'face')} that noise had folded or tilted"
     return MendedMesh(V[used], F.reshape(-1, 3), (*mesh.repairs, what))
 
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
     """Collapse the shortest edges of crumpled faces (m,). Return the vertices (n, 3) and the new number (n,) of each.
-    An edge collapses to its midpoint, but to its end on the boundary if it has one. The topology does not change."""
+    An edge collapses to its end on the boundary, or else to its midpoint. The topology does not change."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

@@ -20,7 +20,7 @@ from dsfab.core.arrays import (
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
 WELD = 5e-5  # Vertices closer than this fraction of the mesh's largest dimension become one vertex.
-ASTRAY_RATIO = 1000.0  # A vertex is astray if it is this many times farther from the middle than 99 % of all vertices.
+ASTRAY_RATIO = 1000.0  # Limit for astray vertices: distance from the median point / 99 % quantile of this distance.
 
 
 def in_reach(V: Floats) -> Bools:
@@ -62,7 +62,7 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the new vertex (n,) of each vertex: the first of its group, or in long chains one within `reach`.
+    """Return the new vertex (n,) of each vertex: the first of its group; in long chains, a vertex within `reach`.
     Without this limit, a long chain of near vertices would shrink to a point."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
@@ -88,8 +88,8 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest width of a seam between two patches with common ends, divided by the length of the edge beside it.
-This is the height of a 30 degree arc divided by its chord."""
+"""Largest ratio of a seam's width to the length of the edge at its side, for two patches with common ends.
+The ratio is the height of a 30 degree arc divided by its chord."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
@@ -130,7 +130,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return pairs (k,), (k,): a boundary edge (row of `ends` (b, 2)) and a boundary vertex near it.
-    Largest distance: `within`. If some boundary is not a closed loop, also `SAG` times the edge's length."""
+    Largest distance: `within`; or `SAG` times the edge's length, if it is more and a boundary is not a closed loop."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)

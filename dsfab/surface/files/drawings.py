@@ -46,7 +46,7 @@ FLAT = ("SOLID", "TRACE", "IMAGE", "UNDERLAY", "WIPEOUT", "ACAD_PROXY_ENTITY", "
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
     """Return the curves of a DXF file (text or binary, blocks expanded), with the names of its layers and its unit.
-    Raises MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
+    Raises MalformedFileError for a file that is incomplete or not DXF, SurfaceError above the limits of `budget`."""
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats, bool]](), list[tuple[str, Floats, bool]](), 0
     drawing = _Entities(document, budget, hidden_layers=True)
@@ -95,7 +95,7 @@ def _content(entity: Any, layer: str) -> Content:
     """Return the inventory entry of an entity without a mesh."""
     kind = entity.dxftype()
     if kind in SOLIDS:
-        return Content("solid", "dropped", "or surface in AutoCAD's own format")
+        return Content("solid", "dropped", "(or surface) in AutoCAD's own format")
     if kind in CURVES or kind == "POINT":
         return mark("point" if kind == "POINT" else "curve", layer)
     return Content(f"{kind} object", "dropped" if kind in FLAT else "beside")
@@ -157,8 +157,8 @@ class _Entities:
         self.hidden_layers = hidden_layers
 
     def meshes(self, entities: Any) -> Iterator[tuple[tuple[str, ...], tuple[Polygons, bool, Content]]]:
-        """Yield the names of each visible entity with a mesh; and its mesh, True if it is in a mirrored block, and its
-        inventory entry. Count the other entities."""
+        """Yield the names of each visible entity with a mesh. Also yield a tuple of its mesh, True if its block is
+        mirrored, and its inventory entry. Count the other entities."""
         for entity, names, mirrored, _ in self.leaves(entities):
             meshes = [*_polygons(entity)]
             if not meshes:
@@ -170,7 +170,7 @@ class _Entities:
         self, entities: Any, outer_names: tuple[str, ...] = (), mirrored: bool = False, hidden: bool = False
     ) -> Iterator[tuple[Any, tuple[str, ...], bool, bool]]:
         """Yield each visible entity with its names, True if its block is mirrored, and True if its layer is hidden.
-        The names are its layer, then layer and name of each block insertion around it (`outer_names`), from inside.
+        The names are its layer, then layer and name of each enclosing block insertion (`outer_names`), innermost first.
         Layer 0 in a block means the layer on which the block is inserted."""
         if len(outer_names) > 2 * self.budget.depth:
             raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
@@ -253,7 +253,7 @@ class Marks:
     curves: tuple[Floats, ...]
 
     def about(self, origin: Sequence[float]) -> "Marks":
-        """Return the marks in coordinates relative to the point `origin`, metres."""
+        """Return points and curves in coordinates relative to the point `origin`, metres."""
         return Marks(self.layer, self.points - origin, tuple(run - origin for run in self.curves))
 
     @property

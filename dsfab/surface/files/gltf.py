@@ -66,12 +66,12 @@ class Buffers:
                 raise MalformedFileError("the binary part with its coordinates is missing")
             return self.binary
         if not isinstance(uri, str):
-            raise MalformedFileError("one of its buffers has no name")
+            raise MalformedFileError("a buffer of the file has no name")
         if uri.startswith("data:"):
             try:
                 return base64.b64decode(uri.partition(",")[2], validate=True)
             except (binascii.Error, ValueError):
-                raise MalformedFileError("the coordinates encoded in its JSON are damaged") from None
+                raise MalformedFileError("the coordinates in the file's JSON are damaged") from None
         if self.beside is None or "://" in uri:
             raise MalformedFileError(f"its coordinates are not in the file ({uri[:60]}): export the mesh as one file")
         return self.beside(unquote(uri))
@@ -101,7 +101,7 @@ def _elements(buffers: Buffers, entry: dict[str, Any], kind: str, count: int, wi
     start, element_size = _count(entry.get("byteOffset", 0)), np.dtype(kind).itemsize * width
     stride = stride or element_size
     if stride < element_size or (count and start + stride * (count - 1) + element_size > len(data)):
-        raise MalformedFileError(f"{count:,} elements are announced, but their bytes are missing: it is cut off")
+        raise MalformedFileError(f"{count:,} elements are announced, but their bytes are missing: the file is cut off")
     if not count:
         return np.zeros((0, width), dtype=kind)
     return np.ndarray((count, width), kind, data, start, (stride, np.dtype(kind).itemsize)).copy()
@@ -121,7 +121,7 @@ def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any])
 
 def _count(value: Any) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise MalformedFileError("its JSON has a negative or invalid number")
+        raise MalformedFileError("the file's JSON has a negative or invalid number")
     return value
 
 
@@ -143,19 +143,19 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes], only:
         raise MalformedFileError("it is cut off within its header")
     version, announced = struct.unpack_from("<II", data, 4)
     if version != 2:
-        raise MalformedFileError(f"its version of glTF is {version}, but dsfab reads version 2")
+        raise MalformedFileError(f"the file has version {version} of glTF, but dsfab reads version 2")
     if announced > len(data):
-        raise MalformedFileError(f"it announces {announced:,} bytes and has {len(data):,}: it is cut off")
+        raise MalformedFileError(f"the file announces {announced:,} bytes and has {len(data):,}: it is cut off")
     chunks: dict[int, bytes] = {}
     position = 12
     while position + 8 <= announced:
         size, kind = struct.unpack_from("<II", data, position)
         if position + 8 + size > announced:
-            raise MalformedFileError("one of its parts is longer than the file")
+            raise MalformedFileError("the file announces a part that is longer than the file")
         chunks.setdefault(kind, data[position + 8 : position + 8 + size])
         position += 8 + size
     if _JSON not in chunks:
-        raise MalformedFileError("it has no JSON part that describes its content")
+        raise MalformedFileError("the file has no JSON part that describes its content")
     extra_bytes = len(data) - announced
     dropped = (f"{count_phrase(extra_bytes, 'byte')} after its end",) if extra_bytes else ()
     tree = _json_tree(chunks[_JSON])
@@ -187,7 +187,7 @@ def _json_tree(data: bytes) -> dict[str, Any]:
     if not isinstance(tree, dict) or not isinstance(asset, dict):
         raise MalformedFileError("its JSON is not glTF")
     if str(asset.get("version", "2")).split(".")[0] != "2":
-        raise MalformedFileError(f"its version of glTF is {asset['version']}, but dsfab reads version 2")
+        raise MalformedFileError(f"the file has version {asset['version']} of glTF, but dsfab reads version 2")
     unknown = [str(name) for name in tree.get("extensionsRequired", []) if not str(name).startswith(_HARMLESS)]
     if unknown:
         raise MalformedFileError(f"it needs the extension {', '.join(unknown)}: export it without compression")
@@ -203,7 +203,7 @@ def _scene(
         V, F = concatenated_mesh(list(scene.parts(only)))
         scene.count_unused()
     except (KeyError, TypeError, AttributeError, IndexError):
-        raise MalformedFileError("a part that its JSON names is missing or of the wrong kind") from None
+        raise MalformedFileError("an entry of the file's JSON is missing or of the wrong kind") from None
     V, F = equal_merged(V, F) if len(F) else (V, F)
     doubts = doubts if tree.get("scenes") else (*doubts, "the file names no scene: all its objects are taken")
     return TriangleFile(upright_vertices(V, "y"), F, "m", doubts, dropped, contents(scene.counts))
@@ -243,7 +243,7 @@ class _Scene:
         yield from ((node["mesh"], matrix @ place) for place in instances)
 
     def _shown_nodes(self) -> Iterator[tuple[list[str], tuple[dict[str, Any], Floats]]]:
-        """Yield the names of each node with a mesh, and of the nodes around it; and the node with its matrix (4, 4)."""
+        """Yield the names of each shown node with a mesh and of its parent nodes, with a pair: node, matrix (4, 4)."""
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         inner = {child for node in nodes for child in node.get("children", [])}
         roots = [k for k in range(len(nodes)) if k not in inner]
@@ -252,8 +252,8 @@ class _Scene:
         seen = set[int]()
         while waiting:
             number, above, outer_names, shown = waiting.pop()
-            if number in seen or len(outer_names) >= 200:  # files of usual programs have up to 100 levels
-                raise MalformedFileError("its nodes are not a tree: a node has two parents, or contains itself")
+            if number in seen or len(outer_names) >= 200:  # usual programs nest nodes up to 100 levels deep
+                raise MalformedFileError("the file's nodes are not a tree: a node has two parents, or contains itself")
             seen.add(number)
             node = nodes[number]
             shown = shown and node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True)
@@ -289,7 +289,7 @@ class _Scene:
         if "indices" in primitive:
             order = accessor(self.tree, self.buffers, primitive["indices"], 1).ravel().astype(np.int64)
         if len(order) and not 0 <= order.min() <= order.max() < len(V):
-            raise MalformedFileError(f"its triangles name vertices outside the {len(V):,} of the file")
+            raise MalformedFileError(f"a triangle has a vertex number outside the {len(V):,} vertices of the file")
         return V, self._faces(order, mode)
 
     def _faces(self, order: Ints, mode: int) -> Ints:
@@ -303,7 +303,7 @@ class _Scene:
             return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
         F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
         F[1::2] = F[1::2, [1, 0, 2]]
-        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # triangles without area only link strips
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # a triangle with a repeated corner only links strips
         strip: Ints = F[~tied]
         return strip
 

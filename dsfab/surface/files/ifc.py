@@ -23,7 +23,7 @@ from dsfab.surface.files.reading import (
 
 NO_BODIES = ("Annotation", "Axis", "Box", "Clearance", "CoG", "FootPrint", "Lighting", "Profile", "Reference")
 """Representations that are not the shape of an element [IFC 4.3, IfcShapeRepresentation]."""
-LEVELS = 50  # Largest number of assemblies, storeys and buildings around an element; more occur in damaged files.
+LEVELS = 50  # Largest number of assemblies, storeys and buildings around an element; only damaged files have more.
 
 
 def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
@@ -42,7 +42,7 @@ def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
     try:
         model = ifcopenshell.open(str(path))
     except Exception:  # ifcopenshell does not document its errors
-        raise MalformedFileError("it is damaged, or of a version of IFC that ifcopenshell does not know") from None
+        raise MalformedFileError("the file is damaged or of a version of IFC that ifcopenshell does not know") from None
     counts, parts = Counter[Content](), list[tuple[Floats, Ints]]()
     elements = {element.id(): element for element in selected_parts(_visible_elements(model, counts), only, counts)}
     settings = geom.settings()
@@ -75,7 +75,7 @@ def _visible_elements(model: Any, counts: Counter[Content]) -> Iterator[tuple[li
         kind, layers = product.is_a(), [*get_layers(model, product)]
         is_element = not product.is_a("IfcFeatureElement") and kind != "IfcVirtualElement"
         if not (is_element and (product.is_a("IfcElement") or kind == "IfcProxy")):
-            if product.Representation:  # storeys without a shape are only places
+            if product.Representation:  # products without a shape, such as storeys, are not counted
                 counts[Content(f"{kind} object", "beside")] += 1
         elif hidden := [layer.Name for layer in layers if _is_hidden(layer)]:
             counts[hidden_on(hidden[0])] += 1
@@ -90,7 +90,7 @@ def _visible_elements(model: Any, counts: Counter[Content]) -> Iterator[tuple[li
 
 
 def _is_body(identifier: str, element: Any) -> bool:
-    """Return True if a representation is the shape of an element: its body if it has one, but no axis or box."""
+    """Return True for the representation that is an element's shape: `Body`, or without it all except `NO_BODIES`."""
     identifiers = {shape.RepresentationIdentifier for shape in element.Representation.Representations}
     return identifier == "Body" if "Body" in identifiers else identifier not in NO_BODIES
 
@@ -109,7 +109,7 @@ def _is_hidden(layer: Any) -> bool:
 
 
 def _unit(model: Any) -> str | None:
-    """Return the length unit of the project. The words for a file without a unit make dsfab require --unit."""
+    """Return the length unit of the project, or "no stated unit", for which dsfab requires --unit."""
     from ifcopenshell.util.unit import get_project_unit
 
     unit = get_project_unit(model, "LENGTHUNIT")

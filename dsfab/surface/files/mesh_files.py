@@ -185,7 +185,7 @@ def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
     if crossing:
         face_list = ", ".join(str(k) for k in faces[cut.fanned[:3]].tolist())
         what = f"{count_phrase(crossing, 'face')} that cross themselves"
-        repaired = (*repaired, f"{what} cut as fans (first, counted from 0: {face_list})")
+        repaired = (*repaired, f"{what} divided into fans of triangles (first, counted from 0: {face_list})")
     face_count = count_phrase(len(file.mesh.sizes), "face")
     record = _record(suffix, replace(file, content=content), len(file.mesh.V), face_count).also(repaired)
     return RawMesh(joined_file.mesh.V, cut.F, len(file.mesh.sizes), file.unit, record, file.up)
@@ -200,7 +200,7 @@ def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces:
 def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:
     neighbour = path.parent / name
     if Path(name).is_absolute() or ".." in Path(name).parts:
-        raise MalformedFileError(f"its coordinates are in {name[:60]!r}, outside its folder: export one file")
+        raise MalformedFileError(f"the coordinates are in {name[:60]!r}, outside the file's folder: export one file")
     if not neighbour.is_file():
         raise SurfaceError(f"its coordinates are in {name[:60]!r}, which is missing; add that file, or export a .glb")
     budget.require_bytes(neighbour.stat().st_size)
@@ -225,7 +225,7 @@ def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
         raise SurfaceError(f"{path} has coordinates up to {largest:.3g}, too large in any unit; export it again")
     steps = number_steps(raw.V, raw.F, raw.unit)[1]
     record = replace(raw.record, read=(*raw.record.read, steps)) if steps else raw.record
-    has_unselected = any(thing.kind == UNSELECTED for thing in record.content)  # their vertices are unused
+    has_unselected = any(thing.kind == UNSELECTED for thing in record.content)  # unselected parts leave unused vertices
     if len(used) < n and not record.repaired and not has_unselected:
         record = record.also((), (f"{count_phrase(n - len(used), 'vertex')} without a face",))
     return replace(raw, V=raw.V[used], F=F.reshape(-1, 3).astype(np.int64), record=record)

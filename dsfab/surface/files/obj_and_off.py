@@ -42,7 +42,7 @@ def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFi
     """Return the vertices and faces of an OBJ file. Textures and normals are ignored.
     only : names of objects and groups, see `selected_parts`; faces outside them are counted.
     Lines, points and free forms are only counted. Raises MalformedFileError with the number of a bad line,
-    SurfaceError beyond the budget."""
+    SurfaceError above the limits of `budget`."""
     file = text_file(data)
     comments = declarations_in_comments(file.text, ("#",))
     if "\\\n" in file.text:
@@ -90,11 +90,11 @@ def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFi
 
 
 _Group = tuple[int, tuple[str, ...], tuple[str, ...]]
-"""First face of a group, its names, and those of the object around it. A line `g roof tiles` names two groups."""
+"""First face of a group, names of the group, names of its object. A line `g roof tiles` names two groups."""
 
 
 def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], counts: Counter[Content]) -> Polygons:
-    """Return the faces in the groups that the user names; count these groups, and the other parts."""
+    """Return the faces in the groups that the user names. Add the groups and the unselected parts to `counts`."""
     ends = (*(start for start, _, _ in groups[1:]), len(mesh.sizes))
     runs = [(*group, end) for group, end in zip(groups, ends, strict=True) if group[0] < end]
     if only:
@@ -157,7 +157,7 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
         for count_read in range(count):
             number, words = next(lines, (0, []))
             if not words:
-                raise MalformedFileError(f"it announces {count:,} {kind}, but has only {count_read:,}")
+                raise MalformedFileError(f"the file announces {count:,} {kind}, but has only {count_read:,}")
             try:
                 if kind == "vertices":
                     V.extend([float_of(words[0]), float_of(words[1]), float_of(words[2])])
@@ -169,7 +169,7 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
             except (ValueError, IndexError, OverflowError):
                 raise MalformedFileError(f"line {number} cannot be read: {' '.join(words)[:60]!r}") from None
     extra_lines = sum(1 for _ in lines)
-    bare = not extra_lines and m and len(words) == 1 + sizes[-1]  # the last face has no colour
+    bare = not extra_lines and m and len(words) == 1 + sizes[-1]  # the last line has no colour after the corners
     doubts = file.cut_off("a face") if bare and may_lack_digits(words[-1], n) else ()
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
     dropped = (f"{count_phrase(extra_lines, 'line')} after the last face",) if extra_lines else ()
@@ -182,7 +182,7 @@ def _sizes(lines: Iterator[tuple[int, list[str]]]) -> tuple[int, int]:
         raise MalformedFileError("the first word is not OFF, or its points do not have three coordinates")
     rest = words[1:] or next(lines, (0, []))[1]
     if [word.upper() for word in rest[:1]] == ["BINARY"]:
-        raise MalformedFileError("it is binary, but dsfab reads only the text form")
+        raise MalformedFileError("the file is binary, but dsfab reads only the text form of OFF")
     try:
         n, m = whole_number(rest[0]), whole_number(rest[1])
         if n < 0 or m < 0:

@@ -52,7 +52,7 @@ class PlyElement:
         return MalformedFileError(f"it announces {self.count:,} records of {self.name!r}, but ends before the last one")
 
 
-Columns = dict[str, Any]  # By property: values (count,); for lists, all values (c,) and the lengths (count,).
+Columns = dict[str, Any]  # Values (count,) of each property; all values (c,) and the lengths (count,) of each list.
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
@@ -64,7 +64,7 @@ def text_numbers(body: bytes) -> tuple[Floats, bool]:
         block, position = body[position:end].strip(), end
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("error", DeprecationWarning)  # numpy before 2.3 only warns about a bad word
+                warnings.simplefilter("error", DeprecationWarning)  # numpy before 2.3 only warns about other words
                 parts.append(np.fromstring(block, dtype=np.float64, sep=" ") if block else np.empty(0))
         except (ValueError, DeprecationWarning):
             parts.append(_numbers_before_words(block))
@@ -235,7 +235,7 @@ _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 def read_ply(data: bytes, budget: Budget) -> PolygonFile:
     """Return vertices and faces of a PLY file. Colours, normals and other elements are ignored.
-    Raises MalformedFileError for a foreign or incomplete file or a missing property, SurfaceError beyond the budget."""
+    Raises MalformedFileError for a file that is incomplete, not PLY or lacks a property, SurfaceError over `budget`."""
     if data[:3] != b"ply":  # a text file may have a byte order mark or be UTF-16
         file = text_file(data)
         if not file.text.startswith("ply"):
@@ -301,7 +301,7 @@ def _polygons(columns: dict[str, dict[str, Any]]) -> Polygons:
         raise MalformedFileError("it has no element 'vertex'")
     missing = [axis for axis in "xyz" if not isinstance(vertex.get(axis), np.ndarray)]
     if missing:
-        raise MalformedFileError(f"its vertices have no property {', '.join(missing)}")
+        raise MalformedFileError(f"the vertices in the file have no property {', '.join(missing)}")
     V = np.stack([np.asarray(vertex[axis], dtype=np.float64) for axis in "xyz"], axis=1)
     lists = face.get("vertex_indices", face.get("vertex_index"))
     if lists is None:
@@ -313,7 +313,7 @@ def _polygons(columns: dict[str, dict[str, Any]]) -> Polygons:
 
 def _whole(indices: NDArray[Any]) -> Ints:
     if indices.dtype.kind == "f" and not ((np.abs(indices) < 2**53) & (indices == np.floor(indices))).all():
-        raise MalformedFileError("its faces name vertices by numbers that are not whole")
+        raise MalformedFileError("the faces in the file have vertex numbers that are not whole")
     return indices.astype(np.int64)
 
 
@@ -353,7 +353,7 @@ def _header(text: str) -> tuple[str, list[PlyElement]]:
             case [] | ["ply"] | ["comment" | "obj_info", *_]:
                 pass
             case _:
-                raise MalformedFileError(f"line {number} of its header cannot be read: {line.strip()[:60]!r}")
+                raise MalformedFileError(f"line {number} of the file's header cannot be read: {line.strip()[:60]!r}")
     if style != "ascii" and style not in _ORDERS:
         raise MalformedFileError(f"the format {style!r} is not ascii, binary_little_endian or binary_big_endian")
     _require_unique([element.name for element in elements], "element")

@@ -13,7 +13,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
 """Cosine between the normals of a quad's triangles: above `FLAT` the quad is flat, below `WARPED` it may be folded."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""A quad is cut along its second diagonal if its triangles then continue flat neighbours better.
+"""A quad is cut along its second diagonal if the triangles of this cut are more nearly parallel to flat neighbours.
 The difference between the unit normals must be below `ON` (10 degrees), and below `BETTER` times the difference
 for the first diagonal."""
 
@@ -26,7 +26,7 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     sizes   : (f,) number of corners of each face.
 
     If only one diagonal is inside the quad, the cut follows it. Otherwise the cut follows a fold, or else the shorter
-    diagonal; if both are equal, that from corner 0. A quad with a corner outside 0..n-1 is cut arbitrarily."""
+    diagonal. Equal diagonals: the cut begins at corner 0. A quad with a corner outside 0..n-1 is cut arbitrarily."""
     start = np.cumsum(sizes) - sizes
     Q = corners[start[quads][:, None] + np.arange(4)]
     P = V[_inside(Q, len(V))] if len(Q) and len(V) else np.zeros((len(Q), 4, 3))
@@ -52,7 +52,7 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
 
 
 _TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad: cut 0-2, then cut 1-3.
-_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle at each side of a quad: cut 0-2, then cut 1-3.
+_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle at each of the four sides of a quad, for the cuts 0-2 and 1-3.
 
 
 def _inside(corners: Ints, n: int) -> Ints:
@@ -65,7 +65,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return the unit normals (r, 4, 3) of the flat neighbours of quads; 0 at sides without a single flat neighbour.
+    """Return the unit normals (r, 4, 3) of the flat neighbours of quads; 0 at sides with no, two or bent neighbours.
     bent   : (f,) faces that are not flat.
     starts : (r,) index in `corners` of the first corner of each quad."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
@@ -84,9 +84,9 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
 
 
 MOST_CORNERS_FOR_EARS = 12  # Most corners for ear clipping, which takes k^3 steps for k corners.
-MANY = 2000  # Most corners for earcut; larger polygons get Delaunay triangles, which is faster.
+MANY = 2000  # Largest number of corners for earcut; larger polygons get Delaunay triangles, which is faster.
 NOISE = 32 * float(np.finfo(np.float64).eps)
-"""A corner is straight if it is nearer to the line through its neighbours than this times the largest coordinate."""
+"""A corner is straight if its distance from its neighbours' line, divided by the largest coordinate, is below this."""
 ORDER = cdt.VertexInsertionOrder.AUTO  # An order of insertion in which near points follow each other.
 TOGETHER = 1 << 12  # Number of polygons cut together; their data fit into the processor's cache.
 

@@ -60,9 +60,9 @@ def read_surface(
     repair        : true to convert a raw scan to a clean sheet first, see `dsfab.surface.clean.repair`.
     only          : names of the parts to read: layers, blocks, nodes, objects, assemblies; by default all parts.
 
-    dsfab flips as few faces as possible so that neighbours agree and closed pieces face outward. A piece with one side
-    only (a Moebius strip) keeps a seam at which faces disagree. Pinches and several pieces are accepted.
-    `describe` reports them, and `surface_in_file` reports the repairs.
+    dsfab flips as few faces as possible so that neighbours have one orientation and closed pieces face outward. A
+    Moebius strip keeps a seam where orientations differ. Several pieces, and pieces that touch in a boundary vertex,
+    are accepted. `describe` reports such pieces, and `surface_in_file` reports the repairs.
 
     Raises SurfaceError for
     - an unreadable file, and coordinates that are not finite;
@@ -115,7 +115,7 @@ def flip_remark(before: Ints, after: Ints) -> tuple[str, ...]:
     count = int((before != after).any(axis=1).sum())
     if not count:
         return ()
-    why = "neighbours face the same side" if count < len(before) else "they face outward"
+    why = "neighbours are oriented alike" if count < len(before) else "they face outward"
     return (f"{count_phrase(count, 'face')} of {len(before):,} turned over, so that {why}",)
 
 
@@ -140,8 +140,8 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
     twice = duplicate_faces(F)
     if len(twice):
         raise SurfaceError(
-            f"{count_phrase(len(twice), 'face', 'repeat')} an earlier face, of {len(F):,} (first: {first_few(twice)}); "
-            "remove the repeated faces, or set surface.mend = true"
+            f"{count_phrase(len(twice), 'face', 'repeat')} an earlier face (first: {first_few(twice)}; the mesh has "
+            f"{len(F):,} faces); remove the repeated faces, or set surface.mend = true"
         )
     if fault := crowded_edge_fault(edges):
         raise SurfaceError(f"{fault}; dsfab needs a manifold sheet: remove the faces inside or split the surface there")
@@ -211,7 +211,7 @@ class MeshFacts:
 
     @property
     def manifold(self) -> bool:
-        """True for an oriented manifold without pinches and repeated faces."""
+        """True for an oriented manifold without repeated faces and without parts that touch in a single vertex."""
         return not self.faults
 
     @property

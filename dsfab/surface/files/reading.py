@@ -104,8 +104,8 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 class Content:
     """Things of one kind in a file, and what dsfab did with them.
     kind  : "mesh", "curve", "hidden object" ...
-    fate  : "taken" for parts of the surface; "marks" for supports, loads and regions; "beside" for things that cannot
-            be parts of a surface, such as curves; "dropped" for things that the user may miss.
+    fate  : "taken" for parts of the surface; "marks" for supports, loads and regions. Ignored: "beside" for things that
+            cannot be parts of a surface, such as curves; "dropped" for things that the user may expect in the surface.
     about : words after the kind, such as a layer or a reason.
     count : number of these things."""
 
@@ -136,7 +136,7 @@ _OTHER_NAMES = {
 
 
 ALIKE = 0.85
-"""Least likeness of two words [difflib] of which one may be a slip of the other: "supports", but not "upload"."""
+"""Least similarity [difflib] at which a word is a misspelt layer name: "supports" is similar enough, "upload" not."""
 
 
 def mark(kind: str, layer: str) -> Content:
@@ -168,12 +168,12 @@ def contents(counts: Counter[Content]) -> tuple[Content, ...]:
 
 
 def ignored_clause(texts: Iterable[str]) -> str:
-    """Return the end of a refusal that names what a file holds besides."""
+    """Return the end of an error message: the things in the file that dsfab ignored."""
     return "".join(f"; ignored: {text}" for text in texts)
 
 
 MANY_LAYERS = 5  # If objects are hidden on more layers than this, one line reports them all.
-UNSELECTED = "unselected part"  # Kind of the parts that the user's names leave out.
+UNSELECTED = "unselected part"  # Kind of the parts that the user did not name.
 Part = TypeVar("Part")
 
 
@@ -181,8 +181,8 @@ def selected_parts(
     parts: Iterable[tuple[Sequence[str], Part]], only: Sequence[str], counts: Counter[Content]
 ) -> Iterator[Part]:
     """Yield the parts of a file that the user names, and count the other parts; without names, yield all parts.
-    parts : pairs of a part and its names: its own, then those of its layer, its block or its assembly.
-    only  : the user's names; upper and lower case are equal unless the file has both.
+    parts : pairs of names and a part. The names are of the part, then of its layer, its block or its assembly.
+    only  : the user's names; upper and lower case only matter if names in the file differ only in case.
     Raises SurfaceError for a name that the file lacks."""
     if not only:
         yield from (part for _, part in parts)
@@ -243,7 +243,7 @@ class FileRecord:
 
     @property
     def other_words(self) -> str:
-        """Words for the content that is neither surface nor mark: '3 curves, 2 points'."""
+        """Words for content that is neither part of the surface nor a support, load or region: '2 curves, 1 point'."""
         return ", ".join(thing.text for thing in self.content if thing.fate == "beside")
 
     @property
@@ -310,7 +310,7 @@ def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, whose mark is half of this one
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, because this mark begins with the UTF-16 mark
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
@@ -318,7 +318,7 @@ _MARKS = (
 _UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IGNORECASE)
 """Pattern of a comment with a unit: '# File units = inches', 'comment unit: mm'."""
 _FILE_UNIT = re.compile(r"\bfile units?\s*=\s*[\"']?([^\W\d_]+)", re.IGNORECASE)
-"""Pattern of the comment in which programs declare a unit. Its word is a unit even if dsfab does not know it."""
+"""Pattern of the comment in which programs declare a unit. It also finds units that dsfab does not know."""
 _PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
 """Programs whose OBJ files have y up by default (first group), and programs with z up."""
 
@@ -327,7 +327,7 @@ BLOCK = 1 << 20  # Number of characters that are split into lines between two ch
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file (lines end with line feeds), remarks on likely faults; True if the last line is complete."""
+    """The text of a file with line feeds, remarks on likely faults, and whether the last line is complete."""
 
     text: str
     doubts: tuple[str, ...]
@@ -346,15 +346,15 @@ class TextFile:
             position = end + 1
 
     def cut_off(self, part: str) -> tuple[str, ...]:
-        """Return a remark that the file may be cut off within `part` if its last line has no end; else nothing."""
+        """Return a remark if the last line of the file has no end: the file may be cut off within `part`; else ()."""
         return () if self.ended else (f"the last line has no end: the file may be cut off within {part}",)
 
 
 def may_lack_digits(word: str, count: int) -> bool:
-    """Return whether a number at the end of a file, an index up to `count`, may have lost its last digits."""
+    """Return whether `word` may have lost its last digits. word : last index in a file; full indices go to `count`."""
     if not (word.isascii() and word.isdigit()):
         return True
-    return len(word) <= len(str(count)) and 10 * int(word) <= count  # length first: int refuses 5000 digits
+    return len(word) <= len(str(count)) and 10 * int(word) <= count  # int() fails for words of 5000 digits
 
 
 def text_file(data: bytes) -> TextFile:
@@ -373,7 +373,7 @@ def text_file(data: bytes) -> TextFile:
     try:
         text = data[skipped:].decode(encoding, errors="replace" if encoding == "utf-8" else "strict")
     except UnicodeDecodeError:
-        raise MalformedFileError(f"it is {doubt} with a part that is no text, or cut off") from None
+        raise MalformedFileError(f"it is {doubt}, but a part of the text is damaged or missing") from None
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     return TextFile(text, (doubt,) if doubt else (), text.endswith("\n") or not text.strip())
@@ -417,15 +417,15 @@ LARGEST_NUMBER = 1e12  # Largest number in a drawing; libraries may loop endless
 
 
 FAR = 100.0  # A mesh is far from the origin if a coordinate exceeds this times the mesh's largest dimension.
-DIGITS = 6  # Default number of digits in files of C and C++ programs, such as gmsh.
+DIGITS = 6  # Default number of digits with which C and C++ programs, such as gmsh, write coordinates.
 COARSE_STEP, LARGEST_STEP = 0.02, 0.5
 """Limits of the rounding step of the coordinates, divided by the mean edge.
 dsfab reports steps above `COARSE_STEP`. It refuses steps above `LARGEST_STEP`, which can turn faces over."""
 
 
 def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, str]:
-    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3), divided by the mean edge.
-    Return also a sentence about the step in `unit`; 0 and "" for a fine step. Coarse steps occur far from the origin,
+    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3) as a multiple of the mean edge,
+    and a sentence about the step in `unit`; 0 and "" for a fine step. Coarse steps occur far from the origin,
     in 32-bit numbers or numbers with `DIGITS` digits."""
     P = V[F].reshape(-1, 3)
     largest = np.abs(P).max(axis=0)
@@ -434,7 +434,7 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
     tens = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS)
     if (P.astype(np.float32) == P).all():
         step, why = np.spacing(largest.astype(np.float32)).astype(np.float64), "32-bit numbers"
-        step *= (P % (2 * step)).any(axis=0)  # exact numbers, such as whole metres, have no step
+        step *= (P % (2 * step)).any(axis=0)  # numbers such as whole metres are exact: their rounding step is 0
     elif (np.abs(P / tens - np.rint(P / tens)) < 1e-6).all():
         step, why = tens.max(axis=0), f"{DIGITS} digits"
     else:
@@ -444,7 +444,7 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
     if step[k] <= COARSE_STEP * edge:
         return 0.0, ""
     of_step, of_edge = (f"{size:.2g} {unit or ''}".strip() for size in (step[k], edge))
-    text = f"{'xyz'[k]} has steps of {of_step} here ({why}), an edge has {of_edge}: export it near the origin"
+    text = f"{'xyz'[k]} has steps of {of_step} here ({why}), but the mean edge is {of_edge}: export it near the origin"
     return float(step[k]) / max(edge, 1e-300), text
 
 
@@ -465,7 +465,7 @@ class Drawing:
 @dataclass(frozen=True)
 class DrawingBudget:
     """Limits of reading a drawing of outlines, far above the size of usual drawings.
-    entities : number of entities, with those of each inserted block.
+    entities : number of entities, including the entities of each inserted block.
     points   : number of points of all curves.
     depth    : depth of nested blocks.
     started  : start of reading, seconds of the process's clock."""
@@ -493,7 +493,7 @@ _APART = "put the outlines into a separate drawing"  # Remedy in the messages ab
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) of a curve: the ends of spans (s,), and up to 1024 per span as `CURVE_TOLERANCE` needs."""
+    """Return points (k, 3) of a curve: the ends of spans (s,), and up to 1024 points per span for `CURVE_TOLERANCE`."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

@@ -41,8 +41,8 @@ _KINDS = {
 
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
     """Return the curves of a 3DM file (blocks expanded), with the names of its layers and its unit.
-    Raises SurfaceError without the library and beyond the budget, MalformedFileError for a foreign file. The library
-    may crash on a damaged file; `separate_process.read_rhino_in_process` prevents this."""
+    Raises SurfaceError if rhino3dm is missing or the file exceeds `budget`, MalformedFileError for a file of another
+    format. The library may crash on a damaged file; `separate_process.read_rhino_in_process` prevents this."""
     require_rhino()
     import rhino3dm
 
@@ -164,7 +164,7 @@ class _DrawnObjects:
 
     def all(self) -> Iterator[tuple[tuple[str, ...], Any, Floats, bool]]:
         """Yield each object outside block definitions: names, geometry, matrix (4, 4), and True on a hidden layer.
-        The names are those of its layer (see `layers`), its own, and those of the blocks around it."""
+        The names are of the object's layer (see `layers`), of the object, and of the blocks that contain it."""
         self.budget.require("entities", len(self.model.Objects))
         objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return self.objects(objects, np.eye(4), ())
@@ -172,7 +172,7 @@ class _DrawnObjects:
     def objects(
         self, things: Iterable[Any], place: Floats, blocks: tuple[tuple[str, ...], ...], hidden: bool = False
     ) -> Iterator[tuple[tuple[str, ...], Any, Floats, bool]]:
-        """Yield the objects as `all` does. blocks : names of each block insertion around them, from inside."""
+        """Yield the objects as `all` does. blocks : names of each enclosing block insertion, innermost first."""
         import rhino3dm
 
         if len(blocks) > self.budget.depth:
@@ -264,7 +264,7 @@ def _shape_counts(shape: Any, faces: int, lost: int) -> Counter[Content]:
             counts[Content(kind, "beside" if shapes in free else "taken")] += 1
             shapes.Next()
     counts[Content("face")] = faces - lost
-    counts[Content("face", "dropped", f"of {faces} that OCCT cannot mesh")] = lost
+    counts[Content("face", "dropped", f"that OCCT cannot mesh, of {faces} faces")] = lost
     return counts
 
 
@@ -292,7 +292,7 @@ def _shape(path: Path, only: Sequence[str], counts: Counter[Content]) -> Any:
     return reader.OneShape()
 
 
-_NOT_STEP = "it is not a STEP file with shapes, or it is cut off"
+_NOT_STEP = "the file is not a STEP file with shapes, or it is cut off"
 
 
 def _compound(shapes: Iterable[Any]) -> Any:

@@ -70,7 +70,7 @@ def foreign_triangles(kind: str, path: Path, budget: Budget, only: Sequence[str]
     try:
         answer = _program_output(kind, path, budget.seconds + SECONDS[kind], only)
     except subprocess.TimeoutExpired:
-        raise SurfaceError(f"reading took more than {budget.seconds:.0f} s; export it as a mesh") from None
+        raise SurfaceError(f"reading the file took more than {budget.seconds:.0f} s; export it as a mesh") from None
     with np.load(io.BytesIO(answer)) as arrays:
         facts, V, F = json.loads(str(arrays["said"])), arrays["V"], arrays["F"]
     _raise_refusal(facts)
@@ -85,7 +85,7 @@ def _program_output(kind: str, path: Path, timeout: float, only: Sequence[str] =
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(folder for folder in sys.path if folder)}
     process = subprocess.run(command, capture_output=True, env=environment, timeout=timeout, check=False)
     if process.returncode:
-        raise MalformedFileError(f"it is damaged: {LIBRARIES[kind]} stops while reading it")
+        raise MalformedFileError(f"the file is damaged: {LIBRARIES[kind]} stops while reading it")
     return process.stdout
 
 

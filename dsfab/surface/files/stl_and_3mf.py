@@ -46,7 +46,7 @@ CHUNK = 1 << 14  # Number of triangles or XML elements between two checks of the
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
     """Return the triangles of an STL file, with coincident corners merged.
     A file is binary if it has the length that its binary header announces; binary files may also begin with "solid".
-    Raises MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
+    Raises MalformedFileError if the file is incomplete or not STL, SurfaceError if it exceeds `budget`."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
@@ -88,7 +88,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     budget.require_triangles(len(numbers) // 9)
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
-    parts = len(_SOLID.findall(text))  # each part begins with the word solid, even an open one
+    parts = len(_SOLID.findall(text))  # each part begins with the word solid, even if the part is not closed
     counts = Counter({Content("face"): len(numbers) // 9, Content("part"): parts if parts > 1 else 0})
     return TriangleFile(V, F, doubts=doubts, content=contents(counts))
 
@@ -116,7 +116,7 @@ def read_3mf(data: bytes, budget: Budget, only: Sequence[str] = ()) -> TriangleF
     objects = (part for key, place, name in plate.items for part in plate.leaves(key, place, (name,)))
     V, F = concatenated_mesh([plate.mesh(key, place) for key, place in selected_parts(objects, only, plate.counts)])
     unused = plate.objects.keys() - plate.triangles
-    plate.counts[Content("object", "dropped", "that the build plate lacks")] = len(unused)
+    plate.counts[Content("object", "dropped", "without a place on the build plate")] = len(unused)
     return TriangleFile(V, F, plate.unit, content=contents(plate.counts))
 
 
@@ -147,7 +147,7 @@ class _Plate:
         target = _ROOT.search(texts.get("_rels/.rels", b"").decode("utf-8", "replace"))
         self.root = target[1].lstrip("/") if target and target[1].lstrip("/") in models else "".join(models[:1])
         if not models:
-            raise MalformedFileError("it has no part with a model")
+            raise MalformedFileError("the archive has no file with a 3D model")
         for self.part in models:
             self._read(texts[self.part])
 
@@ -158,7 +158,7 @@ class _Plate:
         try:
             parser.Parse(text, True)
         except expat.ExpatError as error:
-            raise MalformedFileError(f"its XML is broken or cut off in line {error.lineno}") from None
+            raise MalformedFileError(f"the file's XML is broken or cut off in line {error.lineno}") from None
         except (KeyError, ValueError, OverflowError) as error:
             if isinstance(error, MalformedFileError):
                 raise
@@ -184,7 +184,7 @@ class _Plate:
             self.open.parts.append((self._key(values), _place(values)))
         elif kind == "item" and self.part == self.root:
             if values.get("printable", "1") == "0":
-                self.counts[Content("item", "dropped", "that its slicer does not print")] += 1
+                self.counts[Content("item", "dropped", "marked as not printable")] += 1
                 self.unprinted.append(self._key(values))
             else:
                 self.items.append((self._key(values), _place(values), values.get("partnumber", "")))
@@ -208,7 +208,7 @@ class _Plate:
         if depth > 100:
             raise MalformedFileError("an object contains itself, or objects in over 100 nested levels")
         if key not in self.objects:
-            raise MalformedFileError(f"it places the object {key[1]!r}, which it lacks")
+            raise MalformedFileError(f"it places the object {key[1]!r}, but lacks this object")
         if key not in self.triangles:
             inside = sum(self.require_ends(part, depth + 1) for part, _ in self.objects[key].parts)
             self.triangles[key] = inside + len(self.objects[key].F) // 3
@@ -217,7 +217,7 @@ class _Plate:
     def leaves(
         self, key: Key, place: Floats, outer_names: tuple[str, ...]
     ) -> Iterator[tuple[tuple[str, ...], tuple[Key, Floats]]]:
-        """Yield each object with a mesh within an object, at its place (4, 4), after its names."""
+        """Yield the names, key and place (4, 4) of each object with a mesh: the object itself or objects inside it."""
         thing = self.objects[key]
         names = (*thing.names, *outer_names)
         if thing.kind not in _TAKEN:
@@ -244,7 +244,7 @@ class _Plate:
         return mesh_at(V, F[is_model], place)
 
 
-_AID = Content("modifier", "dropped", "or support of its slicer")
+_AID = Content("modifier", "dropped", "or support that only the slicer uses")
 
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
@@ -266,7 +266,7 @@ def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int,
                         ends = int(part.attrib["firstid"]), int(part.attrib["lastid"])
                         aids.setdefault((thing.attrib["id"], ""), []).append(ends)
         except (ElementTree.ParseError, KeyError, ValueError):
-            continue  # without a readable list, all objects belong to the model
+            continue  # without a readable list of printing aids, all objects belong to the model
     return aids
 
 
@@ -288,8 +288,8 @@ def _archive_texts(data: bytes, budget: Budget) -> dict[str, bytes]:
             size = sum(entry.file_size for entry in packed.infolist())
             # compression shrinks numbers to a tenth, and repeated triangles to a hundredth
             if size > max(1 << 24, 60 * len(data)):
-                raise MalformedFileError(f"it unpacks to {size / len(data):,.0f} times its size, more than any mesh")
-            budget.require_bytes(size, "bytes once it is unpacked")
+                raise MalformedFileError(f"the file unpacks to {size / len(data):,.0f} times its size, unlike any mesh")
+            budget.require_bytes(size, "bytes after unpacking")
             texts = {}
             for entry in packed.infolist():
                 budget.require_time()
@@ -298,6 +298,6 @@ def _archive_texts(data: bytes, budget: Budget) -> dict[str, bytes]:
     except (zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
         if isinstance(error, MalformedFileError):
             raise
-        raise MalformedFileError("it is not a ZIP archive, or it is damaged") from None
+        raise MalformedFileError("the file is not a ZIP archive, or it is damaged") from None
     except (OSError, zlib.error):
-        raise MalformedFileError("dsfab cannot unpack a part of it") from None
+        raise MalformedFileError("dsfab cannot unpack a part of the file") from None

@@ -76,11 +76,11 @@ Share = Annotated[Real, Ge(0)]
 Psi = tuple[Share, Share, Share]
 
 PSI: dict[str, Psi] = {
-    "imposed A": (0.7, 0.5, 0.3),  # homes
+    "imposed A": (0.7, 0.5, 0.3),  # residential areas
     "imposed B": (0.7, 0.5, 0.3),  # offices
     "imposed C": (0.7, 0.7, 0.6),  # congregation areas
     "imposed D": (0.7, 0.7, 0.6),  # shops
-    "imposed E": (1.0, 0.9, 0.8),  # stores
+    "imposed E": (1.0, 0.9, 0.8),  # storage areas
     "imposed F": (0.7, 0.7, 0.6),  # vehicles up to 30 kN
     "imposed G": (0.7, 0.5, 0.3),  # vehicles up to 160 kN
     "imposed H": (0.0, 0.0, 0.0),  # roofs, for maintenance

@@ -15,7 +15,7 @@ from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
-EDGE_ON = 1e-12  # A face is parallel to a direction if its normal and the direction have a smaller cosine.
+EDGE_ON = 1e-12  # Largest cosine between a direction and the normal of a face that counts as parallel to it.
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the parts with `weight` and `bare` multiplied by the remaining shares of material, numbers or (m,)."""
+        """Return the loads with `weight` and `bare` multiplied by remaining fractions of material, numbers or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         scaled = {part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
         return replace(self, **scaled)
@@ -240,7 +240,7 @@ class Pressure:
 
 @dataclass(frozen=True)
 class SelfWeight:
-    """The weight of the sheet, towards `direction` (any length): first of the uncut sheet, later of the cut sheet."""
+    """The weight of the uncut sheet, and later of the cut sheet, towards `direction` (any length)."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     direction: Vector = (0.0, 0.0, -1.0)
@@ -264,8 +264,8 @@ class SelfWeight:
 
 @dataclass(frozen=True)
 class Cladding:
-    """The weight of a covering (glass, membrane, boards): a permanent load in pascals per area of the surface itself.
-    It acts along `direction` (any length) on faces with all corners picked, and also on openings."""
+    """The weight of a covering (glass, membrane, boards): a permanent load in newtons per square metre of the surface.
+    It acts along `direction` (any length) on faces whose corners are all picked, and also on openings."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -403,7 +403,7 @@ class LoadCase:
                 loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
         spring = np.sum([support.springs(surface) for support in supports], axis=0)
         clamped = np.logical_or.reduce([support.clamped_edges(surface) for support in supports])
-        # a free edge with fixed ends is fixed, because elements may have nodes in its middle
+        # a free edge is held if both its ends are fixed, because elements may have nodes in its middle
         between = fixed[surface.edges.ends].all(axis=1) & surface.edges.boundary[:, None]
         between = np.logical_or.reduce([between, *(support.fixed_edges(surface) for support in supports)])
         return cls(fixed, force, loaded, spring, clamped, between, load_parts(surface, loads, weight))
@@ -423,7 +423,7 @@ class LoadCase:
         return replace(self, force=force, loaded=self.loaded if loaded is None else loaded, parts=None)
 
     def with_parts(self, surface: Surface, parts: LoadParts) -> Self:
-        """Return the same supports with other loads, given in parts."""
+        """Return the same supports with the loads `parts` in place of the old loads."""
         return replace(self, force=parts.forces(surface), parts=parts)
 
     def with_loads(self, surface: Surface, loads: Sequence[Load], weight: float) -> Self:

@@ -14,8 +14,8 @@ from dsfab.surface.loads.pickers import Extent, pierced_faces
 from dsfab.surface.mesh import Surface
 
 LINE_TOLERANCE = 0.002  # Largest distance of edges from a curved line, divided by `Extent.width`.
-SNAP_SHARE = 0.25  # Largest move of a vertex along an edge onto the line, as a fraction of the edge.
-TEST_POINTS = 7  # Number of points inside an edge at which dsfab compares the edge with the line.
+SNAP_SHARE = 0.25  # Largest move of a vertex along an edge onto an outline, as a fraction of the edge.
+TEST_POINTS = 7  # Number of points inside an edge at which dsfab tests on which side of the outline they lie.
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class OutlinedSurface:
     fixed: Bools
 
     def with_halved_edges(self, edges: Bools, places: Floats | None = None) -> "OutlinedSurface":
-        """Divide marked edges (e,) in their middle, or at places (k, 3) on the line."""
+        """Divide marked edges (e,) in their middle, or at places (k, 3) on the outline."""
         surface = self.surface
         V, F, _ = halved_edges(surface.V, surface.F, surface.edges, edges)
         count = len(V) - surface.n
@@ -44,7 +44,7 @@ class OutlinedSurface:
         return replace(self, surface=Surface(V, self.surface.F), on=on_line)
 
     def depth(self, extent: Extent) -> Floats:
-        """Return the depth (n,) of the vertices in an extent, exactly 0 on the line."""
+        """Return how deep (n,) the vertices lie inside an extent, metres; exactly 0 on its outline."""
         return np.where(self.on, 0.0, extent.depth(self.surface.V))
 
     def with_divided_faces(self, faces: Ints, places: Floats, on_line: bool) -> "OutlinedSurface":
@@ -68,8 +68,8 @@ class EdgeCrossings(NamedTuple):
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
     """Return the points at which the line crosses edges, by bisection.
-    Most such edges have their ends on opposite sides of the line. Other edges have one end on the line, run away from
-    it on one side, and have their second end on the other side."""
+    Most crossed edges have their ends on opposite sides of the line. The other crossed edges begin on the line, first
+    run on one side of it, and end on the opposite side."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -94,7 +94,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the fraction (k,) of each edge that lies on the other side of the line than its far end.
+    """Return the fraction (k,) of each edge that lies on the side of the line opposite to the edge's far end.
     This part begins at the edge's `end` (0 or 1), which is on the line.
     sign : (k,) side of the far end."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
@@ -106,7 +106,7 @@ def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats)
 
 
 def with_corners(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Create a vertex at each corner of the line, the point at which a crease of the extent meets the surface."""
+    """Create a vertex at each corner of the outline, where a crease of the extent's walls meets the surface."""
     tolerance = LINE_TOLERANCE * extent.width
     for a, b in extent.creases:
         for _ in range(64):
@@ -143,7 +143,7 @@ def _shares(corners: Floats, place: Floats) -> Floats:
 
 
 def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[OutlinedSurface, int]:
-    """Move vertices close to the line along an edge onto the line; return also the number of moved vertices."""
+    """Move vertices close to the outline along edges onto it. Return also the number of moved vertices."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, size = s.edges.ends[crossed.edge], s.edge_lengths[crossed.edge]
     vertex = np.concatenate([ends[:, 0], ends[:, 1]])
@@ -207,7 +207,7 @@ def _spoilt(s: Surface, V: Floats) -> Bools:
 
 
 def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Mark vertices as on the line if they are very close to the line but could not move."""
+    """Mark vertices very close to the outline as vertices of the outline, if these vertices could not move."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, share = s.edges.ends[crossed.edge], crossed.share
     close_vertices = np.concatenate([ends[share < 0.05, 0], ends[share > 1 - 0.05, 1]])
@@ -217,10 +217,10 @@ def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> Outlined
 
 
 def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurface:
-    """Return the surface with edges along the line in which an extent meets it; its old vertices come first.
+    """Return the surface with edges along its intersection line with an extent; its old vertices come first.
     fixed : (n,) vertices on earlier outlines, which stay in place.
-    Corners of the line become vertices. Edges follow its curves within `LINE_TOLERANCE`. Raises SurfaceError for a
-    fine line that needs too many faces."""
+    Corners of the line become vertices. Edges follow its curves within `LINE_TOLERANCE`. Raises SurfaceError if the
+    extent is so narrow that too many faces are needed."""
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
     outlined = with_corners(_refine(outlined, extent, _coarse_edges), extent)
     outlined = replace(outlined, on=outlined.on | (np.abs(extent.depth(outlined.surface.V)) <= 1e-9 * surface.size))
@@ -263,7 +263,7 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) near the line that are longer than the extent's width, because these could miss it."""
+    """Return the edges (e,) near the line that are longer than the extent's width. Long edges could miss the extent."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -273,7 +273,7 @@ def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
 
 
 def _uneven_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) that the line crosses more than once, and all edges of faces in which the line curves."""
+    """Mark the edges (e,) that the outline crosses more than once, and all edges of faces in which it curves."""
     s, even = outlined.surface, LINE_TOLERANCE * extent.width
     depth, size = outlined.depth(extent), s.edge_lengths
     ends = s.edges.ends
@@ -311,7 +311,7 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
-    """Return the faces (k,) that the line crosses, and the distance (k,) of the line from the middle of its chord."""
+    """Return the faces (k,) that an outline crosses, and its distance (k,) from the middle of its chord there."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place
@@ -322,7 +322,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces whose corners are all on lines: with depth 0 at all corners, the side of a face would be unknown."""
+    """Divide faces whose corners all lie on outlines. The new vertices show on which side of an outline a face lies."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

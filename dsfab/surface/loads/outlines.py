@@ -37,8 +37,8 @@ from dsfab.surface.topology import spanned_edges
 
 
 def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
-    """Return the distance (p,) of points P (p, 2) from polygons (k, 2), in their unit; negative outside.
-    A point is inside if an odd number of polygons contain it, so that a polygon inside a polygon is an island."""
+    """Return the distance (p,) of points P (p, 2) from the sides of polygons (k, 2); negative outside.
+    A point is inside if an odd number of polygons contain it. So a polygon inside a polygon bounds a hole."""
     start = np.concatenate(loops)
     end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
     space = np.zeros((2 * len(start), 3))
@@ -131,7 +131,7 @@ class PlanPolygon:
             raise OutlineError(f"low = {self.low:g} is not below high = {self.high:g}; swap them")
 
     def extent(self, surface: Surface) -> Extent:
-        """Return the prism over the polygon, up to the height of the surface or to `low` and `high`."""
+        """Return the prism above and below the polygon, cut off at the heights `low` and `high` if they are set."""
         P, z = without_repeats(np.array(self.polygon)), surface.V[:, 2]
         low = -np.inf if self.low is None else self.low
         high = np.inf if self.high is None else self.high
@@ -189,7 +189,7 @@ class ClosedCurves:
         return tuple(np.array(curve, dtype=np.float64) for curve in self.curves or ())
 
     def extent(self, surface: Surface) -> Extent:
-        """Return the prisms through the curves, normal to their planes; raises SurfaceError for invalid outlines."""
+        """Return prisms through the curves, normal to the plane of each curve. Raises SurfaceError for bad outlines."""
         planes: list[_Plane] = []
         for number, loop in enumerate(self.loops()):
             loop = without_repeats(loop)
@@ -203,7 +203,7 @@ class ClosedCurves:
         return Extent.union([plane.extent(surface, self.depth) for plane in planes])
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,). Raises SurfaceError if no vertex is picked, and as `extent` does."""
+        """Return the picked vertices (n,). Raises SurfaceError if no vertex is picked, and for invalid outlines."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
@@ -287,7 +287,7 @@ class _Plane:
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """Return the prism through the curves, `depth` deep to both sides, or (None) to the surface's nearest part."""
+        """Return the prism through the curves. depth : its depth to both sides; None to reach only the nearest part."""
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:
@@ -304,8 +304,8 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return the depth of the prism to both sides, halfway between the nearest and the next part of the surface.
-        Lines of sight through the curves meet the nearest part first."""
+        """Return the ends of the prism, as distances (m) from the plane of the curves. Each end is halfway between the
+        part of the surface nearest to the plane and the next part along lines normal to the plane."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():
@@ -337,7 +337,7 @@ def _width(P: Floats) -> float:
 
 
 def self_contained(picker: Any) -> Any:
-    """Return a picker with the curves of its file in place of the file; any other picker unchanged.
+    """Return a picker that holds the curves of its file, without the file. Any other picker stays unchanged.
     Raises SurfaceError as `closed_curves` does."""
     if not isinstance(picker, ClosedCurves) or picker.file is None:
         return picker
@@ -352,14 +352,14 @@ Picker = Annotated[
 
 
 def has_outline(picker: Picker) -> bool:
-    """Return whether a picker stands for a part of space, whose outline bounds the picked region."""
+    """Return True if a picker selects all that lies in a part of space, so that its region has an outline."""
     return isinstance(picker, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(
         picker, "boundary", False
     )
 
 
 def extent_of(picker: Picker, surface: Surface) -> Extent | None:
-    """Return the part of space that a picker stands for; None for pickers of vertices or faces.
+    """Return the part of space in which a picker selects everything; None for pickers of vertices or faces.
     Raises SurfaceError as `ClosedCurves.extent` does."""
     if isinstance(picker, PlanPolygon | ClosedCurves | Brush):
         return picker.extent(surface)
@@ -375,8 +375,8 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 
 def edges_of(picker: Picker, surface: Surface) -> Bools:
     """Return the edges (e,) that belong to the picked vertices of a picker.
-    A picker of the boundary has free edges only. Other pickers have the edges with both ends picked; in an outline,
-    the middle of the edge must be inside, too. Named vertices have the edges between them (`spanned_edges`). Raises
+    A picker of the boundary has free edges only. Other pickers have the edges with both ends picked. If the picker has
+    a drawn outline, the middle of the edge must be inside, too. For named vertices, see `spanned_edges`. Raises
     SurfaceError as the picker does."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):

@@ -61,7 +61,7 @@ class Extent:
 
     @classmethod
     def below(cls, direction: Floats, height: float, width: float) -> "Extent":
-        """Return the space below a height, metres, along a unit direction (3,)."""
+        """Return the space in which the coordinate along a unit direction (3,) is below `height`, metres."""
         return cls(lambda P: height - P @ direction, np.empty((0, 2, 3)), width)
 
 
@@ -148,7 +148,7 @@ class Ball:
     pick: Literal["ball"] = "ball"
 
     def metres(self, surface: Surface) -> tuple[Floats, float]:
-        """Return the centre (3,) and the radius, metres."""
+        """Return the ball's centre (3,) and radius, metres."""
         scale = surface.size if self.relative else 1.0
         return _in_metres([self.center], surface, self.relative)[0], self.radius * scale
 
@@ -171,7 +171,7 @@ class Side:
     pick: Literal["side"] = "side"
 
     def reach(self, surface: Surface) -> float:
-        """Return the depth, metres."""
+        """Return the width of the picked strip along the axis, metres."""
         return self.depth * (float(np.ptp(surface.V[:, "xyz".index(self.axis)])) if self.relative else 1.0)
 
     def vertices(self, surface: Surface) -> Bools:
@@ -195,7 +195,7 @@ class Nearest:
         return _in_metres(self.points, surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); of equally near vertices the first. Raises SurfaceError without points."""
+        """Return the picked vertices (n,); the first of equally near vertices. Raises SurfaceError without points."""
         picked = np.zeros(surface.n, dtype=bool)
         for point in self.places(surface):
             picked[np.linalg.norm(surface.V - point, axis=1).argmin()] = True
@@ -237,7 +237,7 @@ class Boundary:
         return picked
 
     def _named_loop(self, surface: Surface) -> list[Ints]:
-        """Return the vertices (k,) of the loop, or of the part of it, that the points name."""
+        """Return the loop (k,) nearest to the first point; with three points, only its part from point 1 via 2 to 3."""
         away = [np.linalg.norm(surface.V[loop] - self.points[0], axis=1).min() for loop in surface.loops]
         loop = surface.loops[int(np.argmin(away))]
         if len(self.points) == 1:
@@ -321,7 +321,7 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
     """Return the vertices (n,) at distances `away` (n,) up to `reach`, metres; raises SurfaceError if none exist."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
-    return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
+    return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside it")
 
 
 def _require_picked(picker: _HasPick, surface: Surface, picked: Bools, why: str) -> Bools:

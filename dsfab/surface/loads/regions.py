@@ -28,9 +28,9 @@ class RegionError(SurfaceError, ValueError):
 class PatternRegion:
     """A part of the surface with its own treatment.
 
-    at    : picker of the region. A region by plan, curve, brush, ball, box or side has a smooth edge.
+    at    : picker that selects the region. A region by plan, curve, brush, ball, box or side has a smooth edge.
     do    : keep, the region is solid; void, it is empty; rim, it has a solid band inside its edge.
-    width : width of the band along the surface, metres; by default that of pattern.rim, else 1/8 of the region's width.
+    width : width of the band along the surface, metres; by default pattern.rim, else 1/8 of the region's width.
     name  : text for messages.
 
     The edge of a region by any other picker is halfway between picked and unpicked vertices. Raises RegionError for a
@@ -47,8 +47,8 @@ class PatternRegion:
             raise RegionError(f"width is for do = 'rim'; a region with do = {self.do!r} has no band")
         if self.do == "rim" and not has_outline(self.at):
             raise RegionError(
-                f"do = 'rim' needs an outline, and pick = {self.at.pick!r} means vertices; use plan, curve, brush, "
-                "ball, box or side"
+                f"do = 'rim' needs an outline, but pick = {self.at.pick!r} selects only vertices; set pick = 'plan', "
+                "'curve', 'brush', 'ball', 'box' or 'side'"
             )
 
     def faces(self, surface: Surface) -> Bools:
@@ -58,7 +58,7 @@ class PatternRegion:
         return surface.faces_of(self.at.vertices(surface)) if extent is None else extent.depth(surface.centroids) > 0
 
     def cut_as(self, region: "PatternRegion") -> bool:
-        """Return whether both regions cut a surface in the same way."""
+        """Return whether this region and `region` cut a surface in the same way."""
         return (self.at, self.do == "void") == (region.at, region.do == "void")
 
 
@@ -81,8 +81,8 @@ class RegionedSurface(NamedTuple):
 
 
 def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
-    """Return the surface with edges along outlines of regions, without voids; old vertices come first in `whole`.
-    Raises SurfaceError with the region's name if the region misses the surface, or if voids leave no surface."""
+    """Return the surface with edges along outlines of regions, without voids; `whole` in the result begins with the
+    old vertices. Raises SurfaceError with the region's name if a region misses the surface, or if voids leave none."""
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
     outlined = OutlinedSurface(surface, nothing, nothing)
     for k in _voids_first(regions):
@@ -112,7 +112,7 @@ def _without_voids(
         in_region &= ~gone
         with _with_region_key(regions, k):
             if not in_region.any() and (extent is not None or regions[k].do == "void"):
-                raise SurfaceError(f"the region misses the surface{_how_far(surface, extent)}; move it there")
+                raise SurfaceError(f"the region misses the surface{_how_far(surface, extent)}; move the region")
             if regions[k].do == "void":
                 taken[k], gone = float(surface.areas[in_region].sum()), gone | in_region
             if gone.all():

@@ -62,7 +62,7 @@ Hold = Literal["xyz", "xy", "xz", "yz", "x", "y", "z", ""]
 
 
 class SupportError(SurfaceError, ValueError):
-    """Error for a support that contradicts itself. Because it is a ValueError, pydantic reports it with its key."""
+    """Error for a support with wrong values. It is a ValueError, so that pydantic adds the key of the support."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Support:
         return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def fixed_edges(self, surface: Surface) -> Bools:
-        """Return the fixed directions (e, 3) of edges between their ends, because a finer mesh has vertices there."""
+        """Return the fixed directions (e, 3) of the inner points of edges, where a finer mesh has vertices."""
         return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def springs(self, surface: Surface) -> Floats:
@@ -129,5 +129,5 @@ class Support:
         across[edges.of[ear]] = True
         is_clamped = np.asarray(edges_of(self.at, surface) & ~(across & ~edges.boundary))
         if not is_clamped.any():
-            raise SurfaceError("clamp = true is on no edge with both ends picked; pick at least two neighbours")
+            raise SurfaceError("clamp = true finds no edge with both ends picked; pick at least two neighbours")
         return is_clamped

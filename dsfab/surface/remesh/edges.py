@@ -53,7 +53,7 @@ class Net:
 
     @classmethod
     def from_surface(cls, surface: Surface, curves: FeatureCurves, size: float) -> Self:
-        """Return the surface itself as a net for remeshing to edges of one size."""
+        """Return the surface's own mesh as a `Net`, with the same wanted edge length `size` (m) at all vertices."""
         kind = np.full(surface.n, FREE)
         kind[curves.vertex] = ON_CURVE
         kind[curves.fixed] = FIXED
@@ -83,7 +83,7 @@ class Net:
 
     @property
     def links(self) -> Ints:
-        """Indices (l,) of the nodes that an edge joins to the next node of the same curve."""
+        """Indices (l,) of the nodes from which an edge leads to the next node of the same curve."""
         return np.flatnonzero(self.curve[1:] == self.curve[:-1])
 
     @property
@@ -132,8 +132,8 @@ LONGEST = 4 / 3  # Edges longer than this multiple of their wanted length are ha
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve the long edges of the net once, and edges along curves that are too far from the curve.
-    edge : general edge length, metres; the tolerance for curves is a fraction of it."""
+    """Halve the long edges of the net once. Also halve edges along curves if they are too far from their curve.
+    edge : longest wanted edge length, metres; the tolerance for curves is a fraction of it."""
     length = edge_lengths(net.V, net.edges.ends)
     deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
@@ -157,7 +157,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Divide marked edges (e,) in the middle; along curves at the axis positions (l,) if these are not nan."""
+    """Divide marked edges (e,) in the middle, and edges along curves at `split_positions` (l,) that are not nan."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -331,7 +331,7 @@ def _valence_gain(net: Net, quad: Ints) -> Floats:
 
 
 def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
-    """Return the excess (q,) over pi, radians, of the sum of the two angles opposite each edge.
+    """Return the sum (q,) of the two angles opposite each edge, minus pi, radians.
     angles : (m, 3) of the faces.   pairs : (q, 2) half-edges of the edges."""
     first_angle, second_angle = angles.ravel()[next_half_edge(pairs.T, 2)]
     return np.asarray(first_angle + second_angle - np.pi - 1e-6)
@@ -342,7 +342,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return which edges (q,) may flip: faces rotate by at most 37 degrees, and the least angle stays large enough."""
+    """Return a mask (q,) of edges that may flip: no face turns by over 37 degrees, and no angle becomes too small."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))
@@ -381,7 +381,7 @@ def with_ears_flipped(surface: Surface) -> Surface:
     for start, end in ((a, b), (b, a)):  # no new face may turn over
         ear &= angles_at(surface.V, start, end, c) + angles_at(surface.V, start, end, d) < np.pi
     chosen = np.flatnonzero(ear)
-    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # a face gets only its first ear
+    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # keep only one ear beside each face
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))
@@ -396,7 +396,7 @@ def without_rim_slivers(surface: Surface) -> Surface:
     side = bare.argmax(axis=1)  # the border edge starts at corner `side`
     a, b, tip = (F[np.arange(len(F)), (side + k) % 3] for k in range(3))
     base = edge_lengths(V, np.stack([a, b], axis=1))
-    low = 2 * surface.areas < TOLERANCE * base**2  # relative to the border edge, so that small regular faces stay
+    low = 2 * surface.areas < TOLERANCE * base**2  # faces much lower than their border edge
     low &= (bare.sum(axis=1) == 1) & ~on_boundary(edges, surface.n)[tip]
     low &= (angles_at(V, a, b, tip) < np.pi / 2) & (angles_at(V, b, a, tip) < np.pi / 2)
     chosen = np.flatnonzero(low)

@@ -14,7 +14,7 @@ from dsfab.surface.topology import link_components
 TOLERANCE = 1 / 50  # Largest move of boundaries and creases, in edge lengths.
 CORNER = 30.0  # Least bend of a curve at a corner, degrees.
 DULL = 0.6 * CREASE  # Least angle between the mean normals on the two sides of a short crease, degrees.
-FINE = 1 / 80  # Largest width for means in a scan (see `design_features`), divided by the box's diagonal.
+FINE = 1 / 80  # Largest width over which a scan's normals are averaged (`design_features`), over the box's diagonal.
 
 
 class SmoothVertices(NamedTuple):
@@ -103,7 +103,7 @@ class FeatureCurves:
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """Return pairs of an interval (j,), `start` to `end` (k,) on the axis, and a point (j,) inside it."""
+        """Find the points inside intervals, `start` to `end` (k,), of the axis. Return pairs (j,): interval, point."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)

@@ -44,15 +44,15 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
     """Return unit vectors (k, 3) from the origin to the farthest of the points x (n, 3).
-    count : least number of points; points as far as the last of them are added."""
+    count : least number k of vectors; k is larger if several points are equally far."""
     distance = lengths(x)
     farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
 
 
 def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
-    """Yield normals of planes through an axis. Each plane mirrors the first of the directions (k, 3) onto one of the
-    first 24 directions, or onto its opposite."""
+    """Yield normals of planes through an axis. Each plane mirrors directions[0] (3,) onto directions[i] or onto its
+    opposite, for i < 24."""
     for direction in directions[:24]:
         for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
             if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
@@ -77,8 +77,8 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
 
 
 IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, divided by the edge length.
-ROUND_ANGLES = (0.7, 1.9)  # Angles between the mirrors that test if a surface is round, radians.
-MOST_SIDES = 16  # Most mirrored sectors around an axis; a surface with more gets two mirrors.
+ROUND_ANGLES = (0.7, 1.9)  # A surface is round if planes at these angles (radians) to a mirror plane are also mirrors.
+MOST_SIDES = 16  # Most mirrored sectors around an axis; a surface with more sectors keeps only two mirrors.
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class Mirrors:
         look = _MirrorTest(nearest_on.surface, nearest_on, edge, smooth)
         group, normals = np.eye(3)[None], list[Floats]()
         for normal in _candidate_mirrors(look):
-            with suppress(OverflowError):  # approximate planes may not form a group
+            with suppress(OverflowError):  # inexact mirror planes can generate too many images
                 group, normals = _mirror_group([*normals, normal], 2 * MOST_SIDES), [*normals, normal]
         if not normals:
             return None
@@ -119,7 +119,7 @@ class _MirrorTest:
 
     @cached_property
     def centre(self) -> Floats:
-        """Middle (3,) of the box, metres; along an axis on which the centroid lies elsewhere, that of the centroid."""
+        """Middle (3,) of the box, metres; coordinates unlike the centroid's are replaced by the centroid's."""
         middle = (self.surface.V.min(axis=0) + self.surface.V.max(axis=0)) / 2
         area = centroid(self.surface)
         return np.where(np.abs(middle - area) < IMAGE_TOLERANCE * self.edge, middle, area)
@@ -220,7 +220,7 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # Tolerance for vertices on mirror planes and for equal images, in edge lengths.
+PLANE_TOLERANCE = 1e-3  # Tolerance for vertices on mirror planes, and for images at the same point, in edge lengths.
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,13 +234,13 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part that contains a certain weighted sum of all vertices, which rotates with the surface."""
+        """Return the part that contains a weighted sum of all vertices, so that rotated surfaces give the same part."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
     @cached_property
     def piece(self) -> Surface | None:
-        """The surface within the chamber; None if the surface has faces within the planes."""
+        """The part of the surface on this side of all mirror planes; None if faces lie in a mirror plane."""
         V, F = self.whole.V, self.whole.F
         for normal in self.toward:
             cut = _positive_side(V - self.mirrors.centre, F, normal, PLANE_TOLERANCE * self.edge)
@@ -256,13 +256,13 @@ class Chamber:
     def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
         """Move points V (p, 3) into their planes (k, p)."""
         moved = V.copy()
-        for _ in range(2 * len(self.toward)):  # repeated, because planes may meet at a point
+        for _ in range(2 * len(self.toward)):  # a move into one plane can leave another plane
             for normal, in_plane in zip(self.toward, planes, strict=True):
                 moved[in_plane] -= np.outer((moved[in_plane] - self.mirrors.centre) @ normal, normal)
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the index (n,) in V of each
+        """Return the whole surface from new vertices V (p, 3) and faces F of this part, and the index (n,) in V of each
         vertex's original. Return None if the topology or the length of the boundary would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]

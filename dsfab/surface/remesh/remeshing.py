@@ -164,7 +164,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the smallest wanted edge length (k,) at points (k, 3), metres. trees : of the surfaces of `sizes`."""
+    """Return the smallest wanted edge length (k,), metres, at points (k, 3). trees : search trees of the surfaces."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

@@ -65,7 +65,7 @@ def _at_vertices(surface: Surface, field: Floats) -> Floats:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return the sum (n, k) of edge values (e, k) around each vertex and its neighbours, divided by the area there."""
+    """Return edge values (e, k), summed around each vertex and its neighbours, per area (n, k) of these vertices."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -90,7 +90,7 @@ def _bends(surface: Surface, shared: Ints) -> Floats:
 
 
 GRADE = 0.3  # Largest growth of the wanted edge length per metre.
-LEAST = 1 / 20  # Least wanted length at bends and narrow places, divided by the general edge length.
+LEAST = 1 / 20  # Shortest wanted edge at bends and narrow places, divided by the longest wanted edge.
 CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of a curve's chords, as fractions of the general edge length.
 
 
@@ -106,7 +106,7 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
         k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
     for vertex, width, slope in _narrow_places(net):
-        wide = width > TOLERANCE * edge  # narrower places are faults of the mesh
+        wide = width > TOLERANCE * edge  # a smaller width is a fault of the mesh
         row = 1.25 * np.maximum(width, edge * slope)[wide]  # one row of triangles across the narrow place
         np.minimum.at(size, vertex[wide], np.maximum(row, least))
     return replace(net, size=graded_sizes(net.V, net.edges.ends, size))
@@ -126,7 +126,7 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
-    """Return lists of vertices (k,) at narrow places, the width (k,) of the surface there, metres, and its slope (k,).
+    """Return lists of vertices (k,) at narrow places, the width (k,) there, metres, and the width's growth per metre.
     The width is that of an edge or face between two curves. Faces in the angle of a corner do not count."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)

@@ -28,7 +28,7 @@ class SmoothPatches:
         self._controls = _controls(surface.V[surface.F], normals, features[surface.edges.of])
 
     def points(self, face: Ints, place: Floats) -> Floats:
-        """Return the points (k, 3) of the patches above places (k, 3) of faces (k,), metres."""
+        """Return the points (k, 3) of the curved patches over the points `place` (k, 3) of faces (k,), metres."""
         P = self._V[self._F[face]]
         b = barycentric(P, place)
         controls = self._controls[face]
@@ -145,7 +145,7 @@ def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
     Vertices of a face that would rotate by over 60 degrees stay."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # in these rounds single vertices move back; after them all vertices do
+    retreats = 6  # rounds in which only vertices of rotated faces move back; after these rounds, all vertices move back
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

@@ -26,7 +26,7 @@ from dsfab.surface.shapes.implicit import (
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
 NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the model's unit.
-MOUTH, HOLLOW = 0.017, 0.034  # With longer edges than these, the camel has no mouth, or no hollow ears.
+MOUTH, HOLLOW = 0.017, 0.034  # Longest edges for a camel with a mouth, and for a camel with hollow ears.
 
 
 def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> Surface:
@@ -118,7 +118,7 @@ def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
 
 def _buttons(P: Floats) -> Floats:
     x, y, z = P.T
-    front = x + 0.9 * y**2 - 0.03  # positive in front of the seam across the mouse
+    front = x + 0.9 * y**2 - 0.03  # positive on the buttons' side of the seam across the computer mouse
     top, before = _rising((z - 0.07) / 0.04), _rising(front / 0.04)
     seams = np.maximum(np.exp(-((y / 0.035) ** 2)) * before, np.exp(-((front / 0.035) ** 2)))
     return np.asarray(top * (0.018 * seams + 0.012 * before * _rising(y / 0.03)))
@@ -214,7 +214,7 @@ OPENINGS = (0.22, 0.5, 0.78)  # Heights of the tower's openings, as shares of it
 
 @shape
 def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13, edge: Length = 0.5) -> Surface:
-    """A deck on an arch with a wall between them, genus 0: along x, as wide as a road, abutments down to z = 0.
+    """A bridge along x, genus 0: a deck, an arch, and a wall between deck and arch; its abutments end at z = 0.
     span : length of the deck, metres.
     rise : rise of the arch's underside, divided by the span."""
     crown = rise + 0.075
@@ -310,7 +310,7 @@ class BoyChart:
         return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return coordinates (k, 2) in the disc whose image is nearest to that of X, moved by `step` (k, 3)."""
+        """Return the disc coordinates (k, 2) of the points at X (k, 2) after a move by `step` (k, 3) on the surface."""
         small = 1e-6
         places = self.place(X)
         J = np.stack([(self.place(X + small * e) - places) / small for e in np.eye(2)], axis=2)

@@ -281,7 +281,7 @@ def mirror_union(field: Field, axis: int = 1) -> Field:
 
 @dataclass(frozen=True)
 class LevelSet:
-    """Chart of the surface on which a field is zero, with points as coordinates; the border is at z = floor."""
+    """Surface on which a field is zero, as a chart with points in space as coordinates; its border is at z = floor."""
 
     field: Field
     reach: float
@@ -293,7 +293,7 @@ class LevelSet:
         return X
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return X + step (n, 3), moved to the zero set by two Newton steps along one gradient.
+        """Return X + step (n, 3), moved onto the surface by two Newton steps with the gradient at X + step.
         border : (n,) marks of points on the border, which keep z = floor."""
         P = X + step
         down = border & (self.floor is not None)

@@ -1,4 +1,4 @@
-"""Faces of staggered rows and rings, and the check of a shape's parameters."""
+"""Triangles between rows or rings of vertices, and checks of a shape's arguments."""
 
 import functools
 import inspect
@@ -19,7 +19,7 @@ ROW = np.sqrt(3) / 2  # Ratio of height to edge of an equilateral triangle.
 
 
 def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
-    """Decorate a shape function so that it checks its arguments against the bounds in their annotations."""
+    """Decorate a function that returns a shape, so that it checks its arguments against their annotated bounds."""
     bounds = {
         name: [m for m in getattr(parameter.annotation, "__metadata__", ()) if isinstance(m, (Gt, Ge, Lt, Le))]
         for name, parameter in inspect.signature(function, eval_str=True).parameters.items()
@@ -93,7 +93,7 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """Return the angles (k,) of each ring's vertices, in full turns. Equal neighbours differ by half a step."""
+    """Return the angles (k,) of each ring's vertices, in full turns. Rings with equal counts differ by half a step."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0

@@ -149,7 +149,7 @@ class _Wedge:
 
     def __init__(self, half: float, half_foot: float, ground: float, top: float, edge: float) -> None:
         self.half, self.half_foot, self.ground, self.edge = half, half_foot, ground, edge
-        # the circle goes through the foot's end, its mirror image, and the top
+        # the circle of the arch goes through the end of the foot, the mirror image of this end, and the arch's top
         across, along = ground * np.sin(half - half_foot), ground * np.cos(half - half_foot)
         dip = along - top
         if abs(dip) < 1e-3 * ground:  # bend a nearly straight arch a little
@@ -160,7 +160,7 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Return points (k, 2) around the wedge, and the indices of those on its two straight sides; 0 is the crown."""
+        """Return the outline (k, 2) of this wedge from the crown, and the indices of points on each straight side."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]

@@ -49,8 +49,8 @@ def _judged_solid(body: "manifold3d.Manifold", before: Solid) -> Solid:
         x, y, z = (float(c) for c in V[F[pairs[0]]].mean(axis=(0, 1)))
         repairs = replace(repairs, pairs=len(pairs), pairs_at=(x, y, z))
         notes.append(
-            f"{len(pairs)} pairs of faces intersect after the extras, the first near ({x:.4g}, {y:.4g}, {z:.4g}) m; "
-            "move the extra a little"
+            f"{len(pairs)} pairs of faces intersect in the solid with its [[thickening.extra]] entries, the first "
+            f"near ({x:.4g}, {y:.4g}, {z:.4g}) m; change the place or size of an entry a little"
         )
     outer = sum(part.volume() > 0 for part in parts)
     result = Solid(V, F, len(parts) - euler_characteristic(F, edge_table(F)) // 2, outer, tuple(notes), repairs)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False)
 class Base:
     """Input of extras: the uncut surface, the cut sheet, and a function between their vertices.
-    between : carries marks (n,) from the surface's vertices to the sheet's vertices (n',)."""
+    between : function from marks (n,) on the surface's vertices to marks (n',) on the sheet's vertices."""
 
     surface: Surface
     sheet: Surface

@@ -33,7 +33,7 @@ class Feet:
     kind: Literal["feet"] = "feet"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid with its feet; raises SolidError if no picked vertex is on the sheet."""
+        """Return the solid united with its feet; raises SolidError if no vertex picked by `at` is on the sheet."""
         positive(self, "height", "margin", "sink")
         blocks = []
         for points in base.parts(self.at.vertices(base.surface)):
@@ -48,7 +48,7 @@ class Feet:
         return standing
 
 
-STRAIGHT = 1e-9  # A boundary vertex is a bend if its direction or normal changes by more than this.
+STRAIGHT = 1e-9  # A loop bends at a vertex if its unit direction or its unit normal changes by more than this.
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
 
 def bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
     """Return points (k, 3) where a loop bends, and direction and normal (k, 3) of the sides that begin at these points.
-    Seen against a normal, the surface lies left of the loop. On a one-sided strip, the normal changes its side."""
+    The cross product normal x direction points into the surface, also on a one-sided strip."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
     edge = np.searchsorted(edges.ends @ [surface.n, 1], ends @ [surface.n, 1])

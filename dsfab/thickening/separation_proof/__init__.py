@@ -1,10 +1,11 @@
 """Proof, without a test of pairs, that most of a thickened sheet cannot intersect itself.
 
-A grid of boxes divides the surface. A box and the boxes around it form its block. The axis of a box is the mean normal
-of its faces. The prisms of a box meet no other prisms under two conditions:
+A prism is the solid over a face. A grid of boxes divides the faces. A cylinder contains the prisms of each box; its
+axis is the mean normal of the box's faces. A box and the boxes around it form its block. The prisms of a box meet no
+other prisms under two conditions:
 
 1. All skin normals of the block are within 90 degrees of the axis.
-2. The rim of the block runs outside the box's cylinder, and exactly once around it.
+2. The rim of the block's faces runs outside the box's cylinder, and exactly once around it.
 
 Then the projections of the prisms along the axis do not overlap."""
 
@@ -38,11 +39,11 @@ class OffsetLayer:
 
     @property
     def shift(self) -> int:
-        """Distance of the solid's middle layer from the surface, as a multiple of D."""
+        """Distance of the solid's middle layer from the surface, divided by half the thickness: 0, 1 or -1."""
         return SHIFT[self.side]
 
 
-REACH = 2  # Number of boxes on each side of a box that belong to its block.
+REACH = 2  # A block has a box in the middle, and this number of boxes on each side of it.
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +65,13 @@ class Boxes:
     key: Ints
 
     def neighbours(self, box: Ints, step: Ints) -> Ints:
-        """Return the boxes at a step (3,) from boxes (k,), -1 for missing boxes."""
+        """Return the numbers (k,) of the boxes one grid step (3,) away from each given box; -1 without such a box."""
         _, ny, nz = self.grid.shape
         return np.asarray(self.grid.ravel()[self.key[box] + (step[0] * ny + step[1]) * nz + step[2]])
 
 
 def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
-    """Sort the faces of the uncut surface into about `count` boxes, all larger than any prism."""
+    """Sort the faces of the uncut surface into about `count` boxes, each larger than the solid over any face."""
     uncut = layer.uncut
     middle = uncut.centroids
     size = lengths(layer.D) * (1 + abs(layer.shift))
@@ -78,7 +79,7 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
     for corner in uncut.F.T:
         np.maximum(reach, lengths(uncut.V.take(corner, axis=0) - middle) + size[corner] + error, out=reach)
     low, extent = (np.array([box(column) for column in middle.T]) for box in (np.min, np.ptp))
-    box_limit = 2e7  # empty boxes included
+    box_limit = 2e7  # largest number of boxes in the grid; empty boxes count
     least_widths = (uncut.area / count) ** 0.5, (extent.prod() / box_limit) ** (1 / 3), extent.max() / box_limit**0.4
     width = max(2.1 * reach.max(), *least_widths)
     place = np.floor((middle - low) / width).astype(np.int64) + REACH
@@ -97,7 +98,7 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
 
 
 def block_steps() -> list[Ints]:
-    """Return the steps (3,) from a box to all boxes of its block."""
+    """Return the grid steps (3,) from a box to itself and to all boxes around it, up to `REACH` along each axis."""
     along = np.arange(-REACH, REACH + 1)
     return list(np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3))
 
@@ -109,8 +110,8 @@ Three = tuple[Floats, Floats, Floats]
 
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
     """Return a mask (m',) of the cells whose prisms may be folded, a cosine (k,) for each box, and radii (m',), metres.
-    The cosine is the smallest between the box's axis and its skin normals. A radius is that of a prism about its
-    middle."""
+    The cosine belongs to the largest angle between the box's axis and its skin normals. A radius is the largest
+    distance from a prism's middle to its corners."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -129,9 +130,9 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return a mask (m,) of folded prisms, the least cosine (m,) between skin normals and an axis, and the radii (m,).
-    upper, lower : (3 xyz, 3 corners, m) corners of the skins, with errors up to e = `error`.
-    Largest errors: 3 r^2 e of a determinant of vectors of length r, 4 s e of the normal of a triangle with sides s."""
+    """Return a mask (m,) of prisms that may turn inside out, the least cosine (m,) between the skin normals of each
+    prism and an axis, and the radii (m,). upper, lower : (3 xyz, 3 corners, m) corners of the skins, errors up to e.
+    Largest errors: 3 r^2 e in a determinant of vectors of length r; 4 s e in the normal of a triangle with sides s."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -160,7 +161,7 @@ def _dot(a: Three, b: Floats | Three) -> Floats:
 
 
 def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
-    """Return a mask (k,) of the boxes whose axis makes less than 90 degrees with all skin normals of their block."""
+    """Return a mask (k,) of boxes with an axis within 90 degrees of all skin normals of the box and those around it."""
     spread = np.arccos(np.clip(cosine, -1, 1))
     visible = spread < np.pi / 2
     every = np.arange(len(visible))
@@ -173,7 +174,7 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Return which accepted boxes (k,) have a simple rim: the rim of their block runs around their cylinder once."""
+    """Return a mask (k,) of the accepted boxes whose cylinder is inside the rim of the faces in the boxes around it."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
@@ -236,7 +237,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
     if is_fine(uncut.V, layer.D):
         error += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
-    for count in (1000, 8000):  # the finer grid is for cells without a proof
+    for count in (1000, 8000):  # the second, finer grid proves more cells
         boxes = boxes_of(layer, error, count)
         folded, cosine, reach = prisms(layer, boxes, error)
         if folded.mean() > 0.05:
@@ -253,7 +254,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
 def _cells_near_folds(layer: OffsetLayer, folded: Bools, reach: Floats) -> Bools:
     middle = layer.cells.centroids + layer.shift * layer.carried[layer.cells.F].mean(axis=1)
     bad = np.flatnonzero(folded)
-    size = 2.1 * reach  # a sphere of radius `reach` around `middle` contains a prism
+    size = 2.1 * reach  # a sphere of radius `reach` around `middle` contains the prism of a cell
     lists = cKDTree(middle).query_ball_point(middle[bad], size[bad] + size.max())
     result = np.zeros(len(folded), dtype=bool)
     result[np.concatenate([np.asarray(row, dtype=np.int64) for row in lists])] = True

@@ -16,8 +16,8 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE
 from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, half_plane_clip, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Bolt diameters from fold to first bolt, between bolts, and to the plate's end; the first row that fits is used."""
-LEG_NAME = "ground"  # name of a plate's leg among the arms
+"""Distances in bolt diameters: fold to first bolt, bolt to bolt, bolt to plate's end. The first fitting row is used."""
+LEG_NAME = "ground"  # name of the leg in the list of a plate's arms
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class PlateArm:
     azimuth : direction of the bar, radians.
     dip     : angle of the fold, radians.
     after   : angle to the next arm, radians.
-    fold, holes, end, root : distances from the node to the fold, holes, end and beginning of the bar, metres."""
+    fold, holes, end, root : metres from the node to the fold, the holes, the arm's end, and the bar's beginning."""
 
     bar: str
     azimuth: float
@@ -141,7 +141,7 @@ class PlateArm:
 
     @classmethod
     def from_bar(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
-        """Return the plate's arm for a bar. A sloping bar begins farther from the node than its arm folds."""
+        """Return the plate's arm for a bar."""
         end, (stations, end_distance) = bar.ends[side], stock.bolt_stations(bar)
         setback = stock.lever * np.tan(end.dip / 2)
         holes = tuple(end.root - 2 * setback + r for r in stations)

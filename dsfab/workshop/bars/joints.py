@@ -6,7 +6,7 @@
      plate      ··.._        m    normal of the bar: n without its component along the bar; the twist is the
                  bar          ·   angle between the normals of both ends
 
-A leg continues the plate down the surface to a fold at e, and is level from there, with anchors."""
+A leg is an arm of the plate that points down along the surface. Beyond its fold it is level, and anchors hold it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,9 +24,9 @@ from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
 FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope of a surface with legs at supports
-LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: least in bolt diameters, usual in member widths
+LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: at least 1.5 bolt diameters, usually 0.45 member widths
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
-"""Anchor diameters from the fold to the first anchor, from there to the second, and from there to the leg's end."""
+"""Distances in anchor diameters: fold to first anchor, first to second anchor, second anchor to the leg's end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class Footing:
     """Ground contact of a structure.
     supports : (q, 3) supported points, metres.
     up       : (3,) unit vector.
-    reach    : a support may be this far from its node, and farther by 0.75 of its widest member's width, metres.
+    reach    : a support may be this far from its node, plus 0.75 of the width of the node's widest member, metres.
     anchor   : diameter of the anchors, metres."""
 
     supports: Floats
@@ -77,7 +77,7 @@ class Footing:
         return cls(points, up, float(surface.mean_edge), anchor) if len(points) and anchor else None
 
     def legs(self, points: Floats, normals: Floats, widths: Sequence[float]) -> dict[int, Leg | None]:
-        """Return the legs of nodes (q, 3) at supports, by node number; None if the surface is too flat."""
+        """Return, by node number, the `Leg` of each of the nodes (q, 3) at supports; None if the surface is flat."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         legs: dict[int, Leg | None] = {}
         limits = self.reach + 0.75 * np.asarray(widths)  # largest distance from a node to its support (m)
@@ -134,11 +134,11 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
     sentences = []
     if angles:
         sentences.append(
-            f"{len(angles)} plates at supports have a leg with anchors, folded by {min(angles):.0f} to "
-            f"{max(angles):.0f} degrees to be level"
+            f"{len(angles)} plates at supports have a leg with anchors; to make the leg level, fold it by "
+            f"{min(angles):.0f} to {max(angles):.0f} degrees"
         )
     if flat:
-        reason = "the surface is less steep than 5 degrees there, or a bar is in the way of the leg"
+        reason = "at this node, the surface is less steep than 5 degrees, or a bar is where the leg would be"
         sentences.append(f"no leg at {names_and_count(flat)}: {reason}")
     return sentences
 
@@ -272,7 +272,7 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
     chord = P[bay_ends.node[bay_ends.opposite]] - P[bay_ends.node]
     level = _level_directions(chord, N[bay_ends.node])
-    # bars dip about 1.5 times as much as lines between their nodes
+    # the dip of a bar is about 1.5 times the dip of the straight line between its nodes
     lean = 1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N)))
     orders = [_counter_clockwise(np.flatnonzero(bay_ends.node == k), level, N[k]) for k in range(len(P))]
     lengths = np.linalg.norm(chord, axis=1)
@@ -314,7 +314,7 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
     """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
     At right angles, bars begin at half of their width from the node; at sharper angles they begin farther away. Arms
     at sharp angles are narrower, but wide enough for bolts."""
-    notch = 0.9  # distance of the corner between arms from the node, divided by the distance of the bars
+    notch = 0.9  # distance from the node to the corner between two arms, divided by the distance to the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())
@@ -326,7 +326,7 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
     node_points = P[bay_ends.node]
     roots = node_points
-    for _ in range(rounds):  # each round moves the roots much less than the round before
+    for _ in range(rounds):  # each round moves the beginnings of the bars much less than the round before
         level = _level_directions(roots[bay_ends.opposite] - node_points, N[bay_ends.node])
         roots = node_points + root[bay_ends.node][:, None] * level
     return roots

@@ -134,7 +134,7 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Return the group number (n,) of each place, and the number of bays that are too short for bars.
+    """Return the group number (n,) of each node or free member end, and the number of bays that are too short for bars.
     A group contains all ends of connected short bays, and all free ends of members that overlap."""
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))

@@ -72,9 +72,9 @@ def _possibility_lines(plan: BarPlan) -> Iterator[str]:
     dips = [(abs(end.dip), bar.bay.id) for bar in bars for end in bar.ends]
     twisted = max(bars, key=lambda bar: abs(bar.twist))
     yield (
-        f"plates are folded by up to {np.degrees(max(dips)[0]):.1f} degrees ({max(dips)[1]}), and bars turned about "
-        f"their length by up to {abs(np.degrees(twisted.twist)):.1f} degrees ({twisted.bay.id}): twist them when "
-        "they are bolted, or put packing at their ends"
+        f"node plates are folded by up to {np.degrees(max(dips)[0]):.1f} degrees ({max(dips)[1]}); bars are twisted by "
+        f"up to {abs(np.degrees(twisted.twist)):.1f} degrees ({twisted.bay.id}): twist the bars when you bolt them, or "
+        "put packing at the ends of the bars"
     )
     yield from _sharp_angles(plan)
 
@@ -87,15 +87,15 @@ def _sharp_angles(plan: BarPlan) -> Iterator[str]:
         for (k, side), (neighbour, _) in zip(joint.bars, (*joint.bars[1:], joint.bars[0]), strict=True)
     )
     if angle < np.pi:
-        description = f"is {np.degrees(angle):.0f} degrees, of {bar_a} and {bar_b} at {node}"
+        description = f"is {np.degrees(angle):.0f} degrees, between {bar_a} and {bar_b} at {node}"
         yield f"the sharpest angle between two bars of a node {description}"
     shares = {bar.bay.id: max(mitre_length(bar, end, stock) for end in bar.ends) / bar.length for bar in bars}
     weakened = sorted((name for name, share in shares.items() if share > 0.5), key=lambda name: -shares[name])
     if weakened:
         many = "1 bar loses" if len(weakened) == 1 else f"{len(weakened)} bars lose"
         yield (
-            f"{many} a side for more than half of the length to a "
-            f"neighbour at a sharp angle, and may be too weak: {names_and_count(weakened)}; "
+            f"{many} more than half of one side to a mitre, because a "
+            f"neighbour is at a sharp angle, and may be too weak: {names_and_count(weakened)}; "
             "narrower members lose less"
         )
 
@@ -106,11 +106,11 @@ def _omission_lines(plan: BarPlan) -> Iterator[str]:
     if joined:
         farthest = max(joined, key=lambda node: node.moved)
         yield (
-            f"{len(joined)} plates stand for several nodes each, which are too close for bars between them: "
-            f"a plate is up to {length(farthest.moved)} from its nodes ({farthest.id})"
+            f"{len(joined)} plates each replace several nodes, because bars do not fit between the nodes; the largest "
+            f"distance from a plate to its nodes is {length(farthest.moved)} ({farthest.id})"
         )
     if lattice.parallel:
-        yield f"{_names(lattice.parallel)} left out, beside other bars between the same nodes"
+        yield f"{_names(lattice.parallel)} left out, because other bars join the same nodes"
     if lattice.rings:
         yield f"{_names(lattice.rings)} left out: closed, with fewer than three nodes"
     ends = [node for node in lattice.nodes if not node.joined]
@@ -151,7 +151,7 @@ def bar_body(bar: LatticeBar, stock: BarStock) -> tuple[Floats, Ints]:
 
 
 def placed_parts(plan: BarPlan) -> list[PlacedPart]:
-    """Return all bars, then all node plates, in the structure."""
+    """Return all bars, then all node plates, each at its place in the structure."""
     lattice, stock = plan.bar_lattice, plan.stock
     bars = [PlacedPart(bar.bay.id, bar.bay.member, bar_body(bar, stock)[0][BAR_QUADS]) for bar in lattice.bars]
     joints = [joint for joint in lattice.joints if joint.node.joined]

@@ -131,7 +131,7 @@ def _fill_by_value(
 def stack_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, limit: int, grain: bool = False
 ) -> list[NestedSheet] | None:
-    """Nest parts on the skyline alone, faster than `nest_parts`; None if more than `limit` sheets are necessary."""
+    """Nest parts with the skyline method only, faster than `nest_parts`; None if over `limit` sheets are necessary."""
     return _fill_sheets(parts, False, stock, column_grid(stock, gap, grain), limit)
 
 

@@ -44,14 +44,14 @@ class ColumnGrid:
 
 
 def column_grid(stock: Sequence[tuple[float, float]], gap: float, grain: bool = False) -> ColumnGrid:
-    """Return the columns for stock lengths and widths (m)."""
+    """Return the grid of narrow columns into which nesting divides sheets of these lengths and widths (m)."""
     step = min(0.01, max(max(size) for size in stock) / 250)  # at least 250 columns on the longest sheet
     return ColumnGrid(gap, step, max(min(size) for size in stock) - 2 * gap + ROUNDING, grain)
 
 
 def part_shapes(part: FlatPart, grid: ColumnGrid, boxes: bool) -> list[PartShape]:
-    """Return the shapes of a part along the sheet and, if short enough, across it.
-    boxes : true to use the box of the part instead of its outline; a box needs no half turns."""
+    """Return the shapes of a part in all permitted rotations; a part that is too long cannot lie across the sheet.
+    boxes : true to use the bounding box of the part instead of its outline, without turns by 180 degrees."""
     turns = (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2)
     shapes = [_shape(part, turn, boxes, grid.gap, grid.step) for turn in turns[:1]]
     only_along = part.size[0] > grid.tallest or (grid.grain and bool(part.member))
@@ -77,9 +77,9 @@ def _column_count(size: Floats, grid: ColumnGrid) -> int:
 
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
-    """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, moved outwards by half of the gap.
-    Method: Minkowski sum of the polygon's sides with a regular polygon around a circle; its radius is half of the gap.
-    """
+    """Return the lowest and highest value (k,) of a polygon (q, 2) in each column of the sheet.
+    The polygon is enlarged by half of the gap between parts. Method: Minkowski sum of the polygon's sides with a
+    regular polygon around a circle; its radius is half of the gap."""
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count
@@ -132,7 +132,7 @@ class NestedPart:
 
 @dataclass(eq=False)
 class SheetGap:
-    """Free space below a part: first column, floor (k,) and ceiling (k,) of k columns (m); high : largest height."""
+    """Free space below a part, in k columns from `begin` on: floor (k,) and ceiling (k,) (m), largest height `high`."""
 
     begin: int
     floor: Floats
@@ -141,7 +141,7 @@ class SheetGap:
 
     @classmethod
     def from_columns(cls, begin: int, floor: Floats, ceiling: Floats, grid: ColumnGrid) -> "list[SheetGap]":
-        """Return a gap for each run of columns with enough height for a part."""
+        """Return a `SheetGap` for each run of neighbouring columns that is high and wide enough for a part."""
         high, least = ceiling - floor, grid.gap + 0.02  # metres: parts do not fit into smaller gaps
         bounds = np.flatnonzero(np.diff(np.concatenate([[0], high > least, [0]])))
         return [

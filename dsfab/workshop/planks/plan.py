@@ -25,14 +25,14 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course of a plank from a course along the surface: its normal is T x N, and N points to its left."""
+    """Return the course of an upright plank: its normal is T x N, its left is N; T, N : tangent, normal of `course`."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return courses of all planks along the surface, and those that stop before another plank or before a curl."""
+    """Return the courses of all planks along the surface, and those that end early at another plank or a bend."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
@@ -125,17 +125,17 @@ class PlankPlan:
         """Reason why planks are impossible, in numbers, as a clause that begins with "would"; "" if possible."""
         planks, worst = self.planks, max(self.planks.bends.values(), default=0.0)
         if worst > self.limit:
-            return f"would be bent across themselves to {worst:.2%}, of {self.limit:.2%} allowed"
+            return f"would be bent out of their plane to a strain of {worst:.2%} (allowed: {self.limit:.2%})"
         if planks.crossings.sharp_nodes:
             nodes = names_and_count(planks.crossings.sharp_nodes)
-            return f"would meet at under {slots.LEAST_DEGREES:g} degrees at {nodes}, without slots"
+            return f"would meet at under {slots.LEAST_DEGREES:g} degrees at {nodes}, too sharp for slots"
         if planks.crowded:
             return f"would have slots without wood between them: {names_and_count(planks.crowded)}"
         if planks.stuck:
             name, angle = max(planks.stuck.items(), key=itemgetter(1))
             return (
-                f"would not slide together: slots of {len(planks.stuck)} of them turn from each other by up to "
-                f"{np.degrees(angle):.0f} degrees from the middle ({name})"
+                f"would not slide together: slots of {len(planks.stuck)} planks differ by up to "
+                f"{np.degrees(angle):.0f} degrees from their middle direction ({name})"
             )
         return ""
 
@@ -145,14 +145,14 @@ class PlankPlan:
         planks, stock = self.planks, self.stock
         bend, lean = (max(angles.values(), default=0.0) for angles in (planks.bends, planks.slide_angles))
         text = (
-            f"planks {length(stock.depth)} deep and {length(stock.thickness)} thick are bent to {bend:.2%}, of "
-            f"{self.limit:.2%} allowed"
+            f"planks {length(stock.depth)} deep and {length(stock.thickness)} thick are bent to a strain of {bend:.2%} "
+            f"(allowed: {self.limit:.2%})"
         )
         if planks.crossings.crossings:
             angle = min(crossing.angle for crossing in planks.crossings.crossings)
             text += (
-                f", cross at {np.degrees(angle):.0f} degrees or more, and their slots open by up to "
-                f"{np.degrees(lean):.1f} degrees to be put on"
+                f", cross at {np.degrees(angle):.0f} degrees or more, and have slots that widen by up to "
+                f"{np.degrees(lean):.1f} degrees for assembly"
             )
         return text
 
@@ -186,13 +186,13 @@ def _bending_lines(plan: PlankPlan) -> Iterator[str]:
     order = sorted(planks.bends, key=lambda name: -planks.bends[name])
     worst, over = planks.bends[order[0]], [name for name in order if planks.bends[name] > plan.limit]
     size = f"upright planks, {length(stock.depth)} deep and {length(stock.thickness)} thick,"
-    how = f"are bent across themselves to a strain of {worst:.2%} ({order[0]} most)"
+    how = f"are bent out of their plane to a strain of {worst:.2%} ({order[0]} most)"
     if not plan.limit:
         yield f"{len(order)} {size} {how}; name a material or set statics.strength for a limit"
     elif over:
         yield (
-            f"NOT POSSIBLE: {len(over)} of {len(order)} {size} {how}, {worst / plan.limit:.1f} times the "
-            f"{plan.limit:.2%} at which the strength is reached ({names_and_count(over)}): set workshop.thickness to "
+            f"NOT POSSIBLE: {len(over)} of {len(order)} {size} {how}, {worst / plan.limit:.1f} times the allowed "
+            f"{plan.limit:.2%} ({names_and_count(over)}): set workshop.thickness to "
             f"{_rounded_down(stock.thickness * plan.limit / worst)} or less, or draw a pattern that bends less there"
         )
     else:
@@ -211,8 +211,8 @@ def _crossing_lines(plan: PlankPlan) -> Iterator[str]:
     if crossings.crossings:
         sharpest = min(crossings.crossings, key=lambda crossing: crossing.angle)
         yield (
-            f"{len(crossings.crossings)} nodes with a slot in both planks, cut square to the face; the widest are "
-            f"{length(slots.slot_width(stock.thickness, sharpest.angle))}, where planks cross at "
+            f"{len(crossings.crossings)} nodes have a slot in both planks, at right angles to the plank's face; the "
+            f"widest slots are {length(slots.slot_width(stock.thickness, sharpest.angle))}, where planks cross at "
             f"{np.degrees(sharpest.angle):.0f} degrees ({sharpest.node})"
         )
     if crossings.sharp_nodes:
@@ -233,16 +233,16 @@ def _sliding_lines(plan: PlankPlan) -> Iterator[str]:
     if steep:
         worst = max(steep, key=lambda name: steep[name])
         yield (
-            f"planks with slots from below are put on along one direction, and their slots open for it by up to "
-            f"{np.degrees(steep[worst]):.1f} degrees ({worst}); planks are spliced to keep this angle below "
+            f"planks with slots from below slide onto lower planks in one direction; their slots widen by up to "
+            f"{np.degrees(steep[worst]):.1f} degrees for this ({worst}); planks are spliced to keep this angle below "
             f"{np.degrees(slots.SLIDE_ANGLE):.0f}"
         )
     if planks.stuck:
         worst = max(planks.stuck, key=lambda name: planks.stuck[name])
         yield (
-            f"NOT TO SLIDE TOGETHER: slots of {names_and_count(list(planks.stuck))} turn from each other, by up to "
-            f"{np.degrees(planks.stuck[worst]):.0f} degrees from the middle ({worst}): give smaller bolts or thinner "
-            "planks, so that they can be spliced more often, or take strips or bars"
+            f"NOT POSSIBLE to slide together: slots of {names_and_count(list(planks.stuck))} differ by up to "
+            f"{np.degrees(planks.stuck[worst]):.0f} degrees from their middle direction ({worst}): use smaller bolts "
+            "or thinner planks, so that planks can be spliced more often, or choose strips or bars"
         )
 
 
@@ -256,11 +256,11 @@ def _omission_lines(plan: PlankPlan) -> Iterator[str]:
         yield f"{planks.level_ends} ends at supports are cut along the ground"
     if planks.shortened:
         yield (
-            f"{names_and_count(planks.shortened)} {stopping_clause(len(planks.shortened))} others of their family "
-            "or curl up" + (f"; {names_and_count(planks.missed_nodes)} are without them" if planks.missed_nodes else "")
+            f"{names_and_count(planks.shortened)} {stopping_clause(len(planks.shortened))} another plank of the family "
+            "or curl up" + (f"; they miss {names_and_count(planks.missed_nodes)}" if planks.missed_nodes else "")
         )
     if planks.vanished:
-        yield f"NOT BUILT, because other planks of their family are there: {names_and_count(planks.vanished)}"
+        yield f"NOT BUILT, because other planks of the same family are in the way: {names_and_count(planks.vanished)}"
     plates = [part for part in plan.parts if part.member and not len(part.axis)]
     if plates:
         names = names_and_count([plate.id for plate in plates])

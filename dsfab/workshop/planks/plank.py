@@ -17,7 +17,7 @@ from dsfab.workshop.splices import SCARF_SLOPE, box_fits, lap_marks, lapped_span
 from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, UNCERTAIN_WIDTHS, letter_height
 
 EdgeStations = tuple[tuple[float, float], tuple[float, float]]
-"""Arc lengths of a plank's beginning at its right and left edge, then of its end at these edges."""
+"""Arc lengths of the right and left corner at a plank's beginning, then of the right and left corner at its end."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class PlankStock:
 def level_cut(
     layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
 ) -> tuple[float, float] | None:
-    """Return arc lengths at the right and left edge of a level end at a support; None if the end cannot be level."""
+    """Return arc lengths of the right and left corner of a plank's end, cut level at a support; None if impossible."""
     height = ground.support_height(layer.course.frame_at(np.array([station]))[0][0], depth)
     direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
     if height is None or -direction @ ground.up < STEEP_SINE:
@@ -117,7 +117,7 @@ def letters_within(name: str, stock: PlankStock, room: float) -> float:
 
 @dataclass
 class Plank:
-    """A member that becomes parts: stations of its ends and cuts, and the assembly direction (3,) of each piece."""
+    """Member to be cut into pieces: arc lengths of its ends and cuts, and the assembly direction (3,) of each piece."""
 
     member: Member
     course: StripCourse
@@ -134,7 +134,7 @@ class Plank:
         ground: BasePlane | None,
         parts: PlankParts,
     ) -> None:
-        """Divide the plank into pieces that fit on the stock and that builders can slide onto the lower planks."""
+        """Divide the plank into pieces that fit into `room` on the stock and that slide onto the planks below them."""
         course, stock = self.course, self.stock
         upper = [crossing for crossing in crossings if self._has_role(crossing, 1)]
         crossing_stations = np.array([crossing.at[1] for crossing in upper])
@@ -234,7 +234,7 @@ class Plank:
         course, y = self.course, self.stock.depth / 2
         past = 0.0 if course.closed else min(UNCERTAIN_WIDTHS * self.member.mean_width, (course.end - course.begin) / 3)
         inside = (course.s >= course.begin + past) & (course.s <= course.end - past)
-        kn, tg = course.kg[inside], course.tg[inside]  # the surface's kn and kg are swapped in an upright plank
+        kn, tg = course.kg[inside], course.tg[inside]  # the kg of an upright plank is the kn of the surface
         parts.bends[self.member.id] = self.stock.thickness / 2 * float(np.abs(course.kn[inside]).max(initial=0.0))
         elongations = [np.hypot(1 - side * kn, side * tg) - (1 - side * kn) for side in (y, -y)]
         parts.longer[self.member.id] = max(float(np.trapezoid(x, course.s[inside])) for x in elongations)

@@ -30,7 +30,7 @@ def largest_deviation(normals: Floats) -> float:
 
 
 def middle_direction(normals: Floats) -> Floats:
-    """Return the unit vector (3,) halfway between the two of the unit vectors (q, 3) that differ most."""
+    """Return the unit vector (3,) that bisects the largest angle between two of the unit vectors (q, 3)."""
     i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
     direction = normals[i] + normals[j]
     return np.asarray(direction / np.linalg.norm(direction))
@@ -65,7 +65,7 @@ class Crossing:
         lock_floats(self, normal=(3,), ways=(2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
-        """Return the `lean` of the lower and of the upper slot (see `Slot`) for a unit assembly direction (3,)."""
+        """Return the widening (`Slot.lean`) of the lower and of the upper slot for a unit assembly direction (3,)."""
         along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
         return float(along_lower / up), float(-along_upper / up)
 
@@ -121,7 +121,7 @@ def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
 def plank_crossings(
     graph: MemberGraph, courses: Mapping[str, StripCourse], order: Sequence[str] = STANDING_ORDER
 ) -> PlankCrossings:
-    """Return the crossings of planks at nodes, by their courses. order : families from the lowest to the uppermost."""
+    """Return the crossings of planks at nodes. courses : axes of the planks. order : families, lowest to uppermost."""
     result = PlankCrossings()
     for node in graph.nodes:
         if node.kind == "grazing" or not all(name in courses for name in node.members):
@@ -138,7 +138,7 @@ def plank_crossings(
 def slot_crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
-    """Return the crossing of two planks. Newton steps along both axes bring their points onto one surface normal."""
+    """Return the crossing of two planks. Newton steps move a point along each axis until a normal joins the points."""
     s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
     for _ in range(5):
         (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))

@@ -37,7 +37,7 @@ def piece_name(name: str, i: int, pieces: int) -> str:
 
 
 def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: str) -> Iterator[str]:
-    """Yield solids, products, colours and the end of the file, numbered from `free`.
+    """Yield the last entities of a STEP file, numbered from `free`: solids, products, colours and the end line.
     shell, faces : (f,) shell and entity of each face.    solids : shells of each solid, the outer shell first.
     The product of the first piece is in the header of the file."""
     entities_after = StepEntities(free)
@@ -58,7 +58,7 @@ class StepEntities:
     """Numbered entities of a file; equal points and directions are written only once."""
 
     def __init__(self, free: int = FIRST_FREE, extra_digits: int = 0) -> None:
-        """free : first number.    extra_digits : decimals of points and directions beyond the usual ones."""
+        """free : first entity number to use.    extra_digits : additional decimals of points and directions."""
         self.free, self.text = free, list[str]()
         self._digits, self._direction_digits = DIGITS + extra_digits, DIRECTION_DIGITS + extra_digits
         self._numbers, self._points = dict[str, int](), dict[tuple[float, ...], int]()
@@ -94,7 +94,7 @@ class StepEntities:
             yield self._points[p]
 
     def vector(self, d: Floats) -> int:
-        """Return the number of a unit vector along d (3,), a direction of any length."""
+        """Return the entity number of a unit vector along d (3,). The length of d is arbitrary."""
         return self.once(f"VECTOR('',#{self._direction(d)},1.)")
 
     def _direction(self, d: Floats) -> int:
@@ -145,7 +145,7 @@ class StepEntities:
         return self.add(f"PCURVE('',#{surface},#{flat})")
 
     def vertex(self, point: int, shared: bool = False) -> int:
-        """Add a vertex at a numbered point."""
+        """Add a vertex at a point (entity number). shared : True to return an equal vertex if the file has one."""
         return self.add(f"VERTEX_POINT('',#{point})", shared)
 
     def edge(self, start: int, end: int, curve: int, shared: bool = False) -> int:
@@ -273,7 +273,7 @@ def outward_polyhedron(part: Part) -> tuple[Polyhedron, list[list[int]]]:
 
 
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
-    """Yield the file of a polyhedron. solids : shells of each solid, the outer one first, then outward voids."""
+    """Yield the STEP file of a polyhedron. solids : outer shell of each solid, then its voids, which face outwards."""
     yield header(name, "solid with planar faces", len(solids))
     texts, faces, free = planar_faces(shape, FIRST_FREE)
     yield from texts
@@ -330,7 +330,7 @@ def _corners(shape: Polyhedron) -> Ints:
 
 
 def _digits(shape: Polyhedron) -> int:
-    reach_mm = 1e-6  # largest movement (mm) of the far end of a face if its normal is rounded
+    reach_mm = 1e-6  # largest movement (mm) of a face's corners if the face's normal is rounded
     face = np.repeat(np.arange(len(shape.normals)), np.diff(shape.loops[shape.faces]))
     corner = shape.edges[shape.steps, np.where(shape.forward, 0, 1)]
     reach = max(float(np.abs(x[corner] - x[shape.origin[face]]).max()) for x in shape.points.T)
@@ -338,10 +338,10 @@ def _digits(shape: Polyhedron) -> int:
 
 
 def faceted_bytes(shape: Polyhedron) -> float:
-    """Estimate the bytes of the text of `entities` from the numbers of its entities, within 10 %."""
+    """Estimate the bytes that `entities` writes, within 10 %, from the numbers of points, edges and faces."""
     v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
     steps, bounds = len(shape.steps), len(shape.loops) - 1
-    reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # length of '#' and a number
+    reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # length of a text like #123
     digits = np.log10(max(np.abs(shape.points).max(), 1.0)) + FACETED_DIGITS + 1.5
     ratio = np.log10(np.abs(_ratios(shape)) + 1).mean() + 2.5
     point, direction = 25 + reference + 3 * digits, 20 + reference
@@ -383,7 +383,7 @@ WARNING = "only programs that know AP242 tessellated geometry open it; FreeCAD 0
 def tessellated_entities(part: Part) -> Iterator[str]:
     """Yield the file: coordinates and triangles of each solid with its voids, and its product."""
     shell, solids = solids_of(part)
-    beginning = header(part.name, "triangles of AP242, for viewers", len(solids))
+    beginning = header(part.name, "tessellated solid (AP242), for viewers", len(solids))
     yield (
         beginning.replace(
             "AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }",
@@ -422,8 +422,8 @@ def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
 
 
 def check(part: Part, report: dict[str, float]) -> ReadBack:
-    """Return the content read back; raises ExportError unless OCCT reports the same triangles and volume (0.1 %)."""
+    """Compare OCCT's report with the part and return it; raises ExportError for other triangles or volume (0.1 %)."""
     require_equal(part, "triangles", len(part.F), int(report["triangles"]))
     if not abs(report["volume"] - part.volume) <= READ_BACK * part.volume:
-        raise ExportError(f"the triangles of {part.name!r} read back with another volume; write step = 'faceted'")
+        raise ExportError(f"OCCT reads another volume in the STEP file of {part.name!r}; write step = 'faceted'")
     return ReadBack(int(report["triangles"]), "triangles", report["volume"] / part.volume - 1)

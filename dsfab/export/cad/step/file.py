@@ -39,14 +39,14 @@ from dsfab.surface import StructureLine
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
-"""Time limit for reading back, in seconds per face; several times the usual time."""
+"""Seconds per face in the time limit for OCCT to read a written file; several times the usual time."""
 
-LIGHT = 8.0  # megabytes; a smaller faceted file replaces a smooth file that OCCT cannot cut
+LIGHT = 8.0  # megabytes; a faceted file up to this size replaces a smooth file that OCCT cannot cut
 
 
 def encode(part: Part) -> Iterator[bytes]:
     """Return an iterator over the bytes of the file.
-    Before the first byte, raises ExportError if the strategy fails, and BudgetError for too many faces.
+    Before the first byte, raises ExportError if the strategy `part.step` fails, and BudgetError for too many faces.
     Raises BudgetError later if the file becomes too large."""
     faces, size, texts = ENCODERS[part.step](part)
     if faces > part.step_faces:
@@ -92,7 +92,7 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
-    """Yield the chunks. Above `step_mb`, raises BudgetError; its `size` is at least the expected bytes."""
+    """Yield the chunks; raises BudgetError if the file exceeds `step_mb`. The error's `size` is at least `expected`."""
     size = 0
     for chunk in chunks:
         size += len(chunk)
@@ -103,7 +103,7 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
-    For files by members and smooth files, only the bytes are compared, because OCCT has already checked the text.
+    For step = 'members' and smooth files, only the bytes are compared, because OCCT has already checked the text.
     If the user wants to cut a smooth file (`cut`), OCCT's triangles must also bound a solid."""
     if part.step == "members":
         file = member_file(part)
@@ -137,7 +137,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
 def _require_same(part: Part, path: Path, text: str) -> None:
     if path.read_bytes() != text.encode("ascii"):
-        raise ExportError(f"the STEP file of {part.name!r} differs from the checked text; write it again")
+        raise ExportError(f"the STEP file of {part.name!r} differs from the text that OCCT checked; write it again")
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:
@@ -210,9 +210,9 @@ def check_brep(part: Part, path: Path) -> ReadBack:
     if part.step == "members":
         volume = member_file(part).volume
         if not abs(report["volume"] - volume) <= READ_BACK * volume:
-            raise ExportError(f"the BREP by members of {part.name!r} has another volume; write STEP instead")
+            raise ExportError(f"the volume of {part.name!r} changes in BREP with step = 'members'; write STEP instead")
     else:
-        smooth = smooth_file(part)  # the volume of the mesh is smaller, because its edges are chords
+        smooth = smooth_file(part)  # a mesh has less volume than its smooth solid, because mesh edges are chords
         if smooth.smooth == smooth.pieces and not abs(report["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
             raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
     return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)

@@ -47,7 +47,7 @@ class BudgetError(NotMadeError):
 
     @property
     def by_faces(self) -> bool:
-        """True if the number of faces is too large, False if the number of bytes is."""
+        """True if the file has too many faces, False if it has too many bytes."""
         return self.faces > self.part.step_faces
 
     @property
@@ -92,7 +92,7 @@ def require_budget(part: Part, faces: int, size: float = 0.0) -> None:
 
 def writing_seconds(part: Part, strategy: str, faces: int) -> float:
     """Return the seconds to write a part with a strategy and a number of faces, and to read the file back."""
-    in_use = 6e-2  # seconds per face of the tests (trial cuts) that are made on request only
+    in_use = 6e-2  # seconds per face for trial cuts, which are made on request only
     tried = in_use if strategy == "members" and not part.hurry else 0.0
     return LOADING_SECONDS + (COSTS[strategy].write + tried) * faces
 
@@ -127,7 +127,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
     """Return the solid with fewer triangles. Its `note` has the measured distance and the change of volume.
     The distance between both surfaces is at most `tolerance` (mm). The volume changes by at most 0.5 %. The result has
     no new crossings, and at most 9/10 of the triangles.
-    Raises ExportError if that fails, and BudgetError if far more planar faces remain than `step_faces` (if not 0)."""
+    Raises ExportError if that fails, and BudgetError if far more planar faces remain than a limit `step_faces`."""
     worth = 0.9  # at most this fraction of the triangles may remain
     stride = 1.6  # each try has 1.6 times the tolerance (in manifold3d) of the try before
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance
@@ -151,7 +151,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
 
 def _require_hope(simple: Part) -> None:
     """Raise BudgetError if a simplified solid has too many faces for any further try to meet the limit."""
-    hopeless = 1.2  # the search ends if faces of a try / allowed faces is larger
+    hopeless = 1.2  # the search ends if a try has more than 1.2 times the allowed faces
     if 0 < hopeless * simple.step_faces < len(simple.F):
         shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))
         if len(shape.normals) > hopeless * simple.step_faces:

@@ -15,7 +15,7 @@ from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
 SAME_PLACE = 1e-3  # points at a smaller distance (mm) are in one place
-WIDTH_SHARE = 0.1  # largest tolerance of a loop / (area / length of the loop), to keep narrow loops
+WIDTH_SHARE = 0.1  # largest tolerance of a loop, as a fraction of (area / length) of the loop; keeps narrow loops
 GAP_SHARE = 0.25  # largest tolerance of a loop / distance from other loops, to keep curves apart
 
 
@@ -39,7 +39,7 @@ class FlatOutlines:
 
     @property
     def thickness(self) -> float:
-        """Millimetres between both planes."""
+        """Distance between the lower and the upper plane, millimetres."""
         return self.height[1] - self.height[0]
 
 
@@ -127,8 +127,8 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
     """Return a lower bound of the distance between each loop and all other loops; inf if all other loops are far away.
-    Distances are measured between points with a spacing along the loops. The bound is the smallest distance minus the
-    spacing, which falls until it is small compared with the bound. least : smallest spacing and smallest bound, mm."""
+    Distances are measured between points at a spacing along the loops. The bound is the smallest distance minus the
+    spacing. The spacing falls until it is far below the bound. least : smallest spacing and smallest bound, mm."""
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))
     while remaining and len(loops) > 1 and spacing >= least:

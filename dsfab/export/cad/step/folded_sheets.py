@@ -42,11 +42,11 @@ class Facet:
     axes: Floats
 
     def flat(self, points: Floats) -> Floats:
-        """(k, 4) coordinates of points (k, 2, 3) of both skins in their planes."""
+        """Return coordinates (k, 4) of points (k, 2, 3): two in the upper plane, then two in the lower plane."""
         return np.asarray(np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4))
 
     def in_space(self, flat: Floats) -> Floats:
-        """(k, 2, 3) points on both planes from coordinates (k, 4)."""
+        """Return points (k, 2, 3) in the upper and in the lower plane from the coordinates (k, 4) of `flat`."""
         return np.asarray(self.origin + np.einsum("ksa,sai->ksi", flat.reshape(-1, 2, 2), self.axes[:, :2]))
 
 
@@ -77,7 +77,7 @@ class FlatFacets:
 @dataclass(frozen=True, eq=False)
 class FoldedSheet:
     """Sheet of flat facets, millimetres.
-    outline : regions of the sheet and their runs; `chart` is the number of a region's facet.
+    outline : outlines of the sheet's regions; `chart` is the number of a region's facet.
     points  : (n, 2, 3) vertices on both skins. A vertex at a fold lies in the planes of all its facets.
     If these planes have no common point, each mesh face at the vertex becomes a facet."""
 
@@ -88,7 +88,7 @@ class FoldedSheet:
 
     @property
     def count(self) -> int:
-        """Number of facets, without facets of a single face."""
+        """Number of facets that have at least two mesh faces."""
         return int((np.bincount(self.outline.chart) > 1).sum())
 
 
@@ -114,7 +114,7 @@ def folded_sheet(part: Part) -> FoldedSheet | None:
 def _facets(part: Part) -> FlatFacets:
     rough = 1e-4  # largest distance of vertices from their plane / thickness; mesh files round vertices
     if part.curved is None:
-        raise NotFlatError("only the solid is known")
+        raise NotFlatError("the sheet that the solid was made from is unknown")
     curved = part.curved()
     if len(curved.twins):
         raise NotFlatError("the surface has one side only, so it has no two skins")
@@ -126,7 +126,7 @@ def _facets(part: Part) -> FlatFacets:
     facet = np.unique(np.stack(planes, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
     _require_few_facets(facet)
     if float(np.max(cKDTree(part.V).query(skins[np.unique(divided_sheet.F)].reshape(-1, 3))[0])) > rough * thickness:
-        raise NotFlatError("the solid is not the sheet's")
+        raise NotFlatError("the solid does not match its sheet")
     return FlatFacets(divided_sheet, curved.shift, skins, facet, thickness)
 
 
@@ -144,7 +144,7 @@ def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
 
 
 def _require_few_facets(facet: Ints) -> None:
-    faces_per_facet = 4  # smallest mean number of triangles per facet; it is 1 for a curved sheet
+    faces_per_facet = 4  # smallest allowed mean number of triangles per facet; the mean of a curved sheet is 1
     if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
 
@@ -158,8 +158,8 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """Return (n, 2, 3) vertices moved by least squares into the planes of their facets, and (n,) True where this fails.
-    The corners of a facet with a single face do not move, because they define the facet's plane."""
+    """Move vertices by least squares into the planes of their facets; return (n, 2, 3), and (n,) True for failures.
+    Facets of a single triangle have no influence, because their corners define their planes."""
     exact = 1e-5  # largest distance (mm) of a fold's corners from the planes that meet there
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
@@ -180,7 +180,7 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
 
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
-    """A folded sheet, and for each run of its outline (by `RunKey`) the curves of the walls, with poles (p, 4)."""
+    """Folded sheet, and the curves along its walls, with poles (p, 4). A `RunKey` names a part of an outline."""
 
     sheet: FoldedSheet
     walls: dict[RunKey, list[Curve]]
@@ -222,7 +222,7 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
 
 
 def _curve(line: Floats, tolerance: float) -> Curve:
-    """Fit a curve to a line (k, 4) on both skins. Points at equal fractions of the length on each skin form pairs."""
+    """Fit a curve to a polyline (k, 4), two coordinates per skin. Equal fractions of its length are paired."""
     upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
     shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)
@@ -233,7 +233,7 @@ def _curve(line: Floats, tolerance: float) -> Curve:
     return curve
 
 
-EdgePair = tuple[int, int]  # edges of a run on the upper and on the lower skin
+EdgePair = tuple[int, int]  # numbers of an edge (or vertex) on the upper and on the lower skin
 
 
 class PlanarFile(NamedTuple):
@@ -296,7 +296,7 @@ class _Writer:
         return self.edges[key], ahead
 
     def _walls(self, run: OutlineRun, facet: Facet) -> tuple[list[EdgePair], list[int]]:
-        """Add the faces of a run of walls; return both edges of each wall, and the faces."""
+        """Add the walls along a part of an outline; return the upper and the lower edge of each wall, and the faces."""
         chain, vertices, posts = self.shape.walls[run_key(run)[0]], list[EdgePair](), list[int]()
         for v in run.vertices[[0, -1]]:
             vertices.append(self._vertex(int(v)))

@@ -69,13 +69,13 @@ class FaceOutlines:
 
 def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     """Chain the half-edges between different regions (m,), each region on the left. opposite : (3 m,) half-edges.
-    The next half-edge of a loop is the first border half-edge of the region around the common vertex.
+    At the end of a half-edge, the loop turns around the vertex to the next border half-edge of the same region.
     So no loop jumps across a vertex where a region touches itself."""
     on_border = region[np.arange(len(opposite)) // 3] != region[opposite // 3]
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
     follow = onward.copy()
-    turning = np.flatnonzero(on_border)  # the loop below would never end at half-edges inside regions
+    turning = np.flatnonzero(on_border)  # border half-edges only; at others, the loop below would never end
     while len(turning := turning[~on_border[onward[turning]]]):
         onward[turning] = follow[opposite[onward[turning]]]
     step, passed = onward.tolist(), bytearray(len(opposite))
@@ -122,8 +122,8 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return for each half-edge of a loop the positions (h,) of the corner at or before it, and of the next corner.
-    alive : (h,) True for corners."""
+    """Return two positions (h,) for each half-edge of a loop: the last corner before it, and the next corner.
+    alive : (h,) True for half-edges that begin at a corner. Such a half-edge is its own last corner."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
     loop_first = np.searchsorted(corner_positions, outline.start[:-1])
@@ -134,7 +134,7 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return the positions (p,) of all steps of loops (k,), loop after loop, and the index of the loop of each step."""
+    """Return the positions (p,) of all steps (edges) of loops (k,), loop after loop, and each step.s loop index."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
@@ -216,7 +216,7 @@ def _numbered_polyhedron(
     outline: FaceOutlines,
     alive: Bools,
 ) -> Polyhedron:
-    """Return the polyhedron with its own numbers of points, edges and faces."""
+    """Return the polyhedron; its points, edges and faces are numbered from 0."""
     face_of_loop = region[outline.h[outline.start[:-1]] // 3]
     normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     begin, start, (edge, ends, forward) = _long_edges(F, table, outline, alive)
@@ -245,7 +245,7 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step, the first step of each loop, and the long edges.
+    """Return the first vertex of each step (straight part of a loop), the first step of each loop, and the long edges.
     The long edges are three arrays: edge (s,) of each step, vertices (e, 2) of each edge, (s,) True for forward steps.
     A long edge of two faces is identified by the smallest number of its mesh edges."""
     a = F.ravel()[outline.h]

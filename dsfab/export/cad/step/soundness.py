@@ -23,7 +23,7 @@ from dsfab.export.subprocesses import ProgramError
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges
 from dsfab.thickening.self_intersection import intersecting_pairs
 
-REDRAWING_ROUNDS = 2  # number of times that curved faces that cross get finer triangles (four times)
+REDRAWING_ROUNDS = 2  # how often crossing curved faces get four times finer triangles
 
 
 class StepTriangles(NamedTuple):
@@ -39,7 +39,7 @@ class StepTriangles(NamedTuple):
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
     """Return OCCT's triangles after points at the same place were merged."""
-    same_place = 1e-9  # points at a smaller distance / diagonal are equal; OCCT triangulates each face alone
+    same_place = 1e-9  # points closer than this * diagonal are equal; OCCT triangulates each face separately
     grid = np.round(mesh.V / (same_place * float(np.linalg.norm(np.ptp(mesh.V, axis=0)))))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     F = point_number.reshape(-1)[mesh.F]
@@ -54,7 +54,7 @@ def curved_soundness(
     deflection : largest distance of the triangles from curved faces, m; 0 without such faces.
     shape      : OCCT's binary shape of the file.    on_redraw : called before faces get finer triangles.
 
-    Only crossings are tested again with finer triangles."""
+    If crossing triangles are the only fault, they are tested again with finer triangles."""
     sound, triangles = soundness(first_triangles.V, first_triangles.F), first_triangles
     crossing_faces: Ints = np.zeros(0, dtype=np.int64)
     for k in range(1, REDRAWING_ROUNDS + 1):
@@ -81,7 +81,7 @@ def triangle_fault(first_triangles: StepTriangles, deflection: float, shape: byt
         return ""
     fault = sound.faults[0]
     place = ", ".join(f"{x:.4g}" for x in fault.place)
-    return f"{fault.message.partition(':')[0]} where OCCT draws it as triangles, at ({place}) m"
+    return f"{fault.message.partition(':')[0]} where OCCT draws the solid as triangles, at ({place}) m"
 
 
 def _faces_near(triangles: StepTriangles, faces: Ints, deflection: float) -> Ints:
@@ -98,7 +98,7 @@ def _faces_near(triangles: StepTriangles, faces: Ints, deflection: float) -> Int
 def _redraw(
     sound: Soundness, first_triangles: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
-    """Make finer triangles of some faces; return the new judgement and the triangles.
+    """Make finer triangles of some faces; return the new `Soundness` and the triangles.
     All faces get finer triangles if the topology of the new triangles does not fit the rest of the mesh."""
     redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
@@ -122,12 +122,12 @@ def _euler(F: Ints) -> int:
     return len(np.unique(F)) - len(edge_table(F).ends) + len(F)
 
 
-MOST_FACES = 2000  # largest number of faces for a trial cut without a request (up to 15 s)
+MOST_FACES = 2000  # largest number of faces for an automatic trial cut (up to 15 s)
 
 
 @dataclass(frozen=True)
 class SampledUse:
-    """Result of a trial cut. tried : False without a trial.    fault : reason for the failure, or ""."""
+    """Result of a trial cut of the solid. tried : False without a trial.    fault : reason for the failure, or ""."""
 
     tried: bool
     fault: str = ""
@@ -135,7 +135,7 @@ class SampledUse:
 
 @derived
 def smooth_use(part: Part) -> SampledUse:
-    """Cut the smooth file of a part once on trial, if `cut` of the part is True."""
+    """Cut the solid of a part's smooth file once as a test, if `part.cut` is True; return the result."""
     most_faces = 500  # largest number of faces for a trial cut (half a minute for 1400 faces)
     file = smooth_file(part)
     if not part.cut or file.faces > most_faces:
@@ -144,7 +144,7 @@ def smooth_use(part: Part) -> SampledUse:
 
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
-    """Cut a file once on trial: a STEP text, or OCCT's binary shape with the suffix `.bin`."""
+    """Cut the solid of a file once as a test; return the result. file : STEP text, or OCCT's binary shape (`.bin`)."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:
@@ -158,11 +158,11 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
     try:
         report = occt_report("sample", str(path), seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError):
-        return f"OCCT did not cut it within {seconds:.0f} s of the processor", []
+        return f"OCCT did not cut it within {seconds:.0f} s of processor time", []
     if not report["halves"]:
-        return "a half of it is not valid once OCCT has cut it", report["box"]
+        return "a trial cut in OCCT leaves an invalid half", report["box"]
     is_lossy = report["off"] > TOGETHER_LIMIT
-    return f"its halves miss {report['off']:.1e} of its volume once OCCT has cut it" if is_lossy else "", report["box"]
+    return f"halves of OCCT's trial cut miss {report['off']:.1e} of the volume" if is_lossy else "", report["box"]
 
 
 def use_report(text: str, seconds: float) -> dict[str, Any]:
@@ -185,4 +185,4 @@ def box_fault(part: Part, bounds: list[float], limits: SmoothLimits, share: floa
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     distance = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
     is_far = distance > share * size + limits.distance + limits.usual_chord
-    return f"OCCT's box of it is {distance:.3g} mm off" if is_far else ""
+    return f"OCCT's bounding box of the solid is {distance:.3g} mm off" if is_far else ""

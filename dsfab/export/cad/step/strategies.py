@@ -35,11 +35,11 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 QUICK_FACTOR = 3
-"""Largest number of walls and of layouts of a smooth file with step = 'quick', as multiples of the usual numbers.
-If OCCT refuses the first layout, another one often succeeds, because its seams lie elsewhere."""
+"""Factor of the usual limits of a smooth file for step = 'quick': the number of walls, and the number of layouts.
+If OCCT refuses the first layout, another layout often succeeds, because its seams lie elsewhere."""
 
 MEMBER_FACES_FACTOR = 2
-"""With step = 'auto', files by members may have this many times the usual faces if a faceted file is too large.
+"""Factor on the usual number of faces of step = 'members' with step = 'auto', if a faceted file is too large.
 The next attempt would be a smooth file, which CAD programs usually fail to cut."""
 
 
@@ -48,7 +48,7 @@ def prepare(part: Part) -> Part:
     V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
     ends = np.stack(half_edges(part.F))
     short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
-    V[short] = coarse[short]  # the ends of short edges merge; all other points keep their decimals
+    V[short] = coarse[short]  # the ends of short edges get fewer decimals and merge
     part = without_collapsed(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
@@ -62,7 +62,7 @@ def prepare(part: Part) -> Part:
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
     """Yield the part with each strategy in turn, the best first, or the BudgetError of a strategy above the budget.
     A solid is simplified before faceting if the user sets a tolerance; otherwise only if all other strategies fail."""
-    tighter = 1 / 4  # tolerance of a second planar file / tolerance of the first; tighter curves may not cross
+    tighter = 1 / 4  # tolerance of a second planar file / tolerance of the first; tighter curves cross less often
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
         yield part
@@ -96,8 +96,8 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return True if members are tried without a request: the sheet has stripes, and for 'quick' also a boundary.
-    CAD programs usually fail to cut smooth files, but not files by members."""
+    """Return True if dsfab tries step = 'members' by itself: the sheet has stripes, and for 'quick' a boundary.
+    CAD programs usually fail to cut smooth files, but they can cut files of step = 'members'."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
 
@@ -112,9 +112,9 @@ def _striped_sheet(part: Part) -> Curved | None:
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
     """Yield the attempts that remain after a faceted part was refused.
-    members : the part with the strategy members; None if slow attempts are not allowed.
+    members : the part with step = 'members'; None if slow attempts are not allowed.
     quick   : True to stop if the first simplified part is far above the limit."""
-    far_factor = 2  # number of faces / allowed number above which further tries do not help
+    far_factor = 2  # with more than twice the allowed faces, further tries do not help
     is_far = False
     if not part.tolerance:
         simple = _simpler_or_error(part, usual_tolerance(part))
@@ -184,7 +184,7 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 def _slow(refused: Sequence[ExportError]) -> str:
     over = " and ".join(reasons([error for error in refused if isinstance(error, BudgetError)]))
-    return f"; its time was not limited, because {over}" if over else ""
+    return f"; the file's time was not limited, because {over}" if over else ""
 
 
 def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
@@ -196,7 +196,7 @@ def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
-    """Recommend a strategy for files to cut: members; but faceted if members were refused or stripes are unknown."""
+    """Recommend a strategy for files to cut: 'members', or 'faceted' if 'members' failed or stripes are unknown."""
     by_members = [error for error in refused if _is_by_members(error)]
     over = [error for error in by_members if isinstance(error, BudgetError)]
     if over:
@@ -206,7 +206,7 @@ def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def members_clause(refused: Sequence[ExportError]) -> str:
-    """Explain why a smooth file is not by members; "" if that was not tried."""
+    """Explain why step = 'members' failed before a smooth file was written; "" if dsfab did not try it."""
     why = [error.reason if isinstance(error, BudgetError) else str(error) for error in refused if _is_by_members(error)]
     return f"; not by members, since {why[-1].removeprefix('by members ')}" if why else ""
 
@@ -326,7 +326,7 @@ def _estimate_by_members(part: Part) -> tuple[int, float, str]:
 def _estimate_smooth(part: Part) -> tuple[int, float, str]:
     if default := default_tolerance(part):
         raise ExportError(f"a flat sheet is planar, within {default:.2g} mm")
-    note = "not checked yet: pieces that OCCT refuses are made again, which may add a third, or faceted"
+    note = "not checked yet: pieces that OCCT refuses are fitted again, and become faceted if that fails"
     return *first_draft(part), note
 
 
@@ -336,7 +336,7 @@ def _estimate_faceted(part: Part) -> tuple[int, float, str]:
 
 
 def _estimate_tessellated(part: Part) -> tuple[int, float, str]:
-    return len(part.F), entities.expected_bytes(part), f"no deviation; only on request: {entities.WARNING}"
+    return len(part.F), entities.expected_bytes(part), f"no deviation; written only on request: {entities.WARNING}"
 
 
 SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {

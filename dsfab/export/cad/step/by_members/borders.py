@@ -1,4 +1,4 @@
-"""Borders between members: straight, at large angles to round corners, and removed where outlines cross."""
+"""Corrections of borders between members: straight lines, larger angles at round corners, no crossing outlines."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -73,7 +73,7 @@ def crossing_segments(lines: list[Floats]) -> Bools:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Join regions whose outline crosses or nearly touches itself with a neighbour, if there is one."""
+    """Join a region with a neighbour if the outline of the region crosses or nearly touches itself."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -184,7 +184,7 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """Move ends of borders along round corners until they meet the outline at large angles; thickness in mm."""
-    rounds = 3  # a corner may have several chains, and in each round an end moves along one chain
+    rounds = 3  # a border's end moves along one chain in each round; a corner may have several chains
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
@@ -208,7 +208,7 @@ class _BorderEnds:
     def move_border(self, node: int) -> None:
         sharp = 20.0  # degrees; borders at smaller bends of the outline do not move
         gain = 15.0  # degrees; the angle with the outline must grow by this
-        steep = 30.0  # degrees; a border with this angle to the outline is not moved
+        steep = 30.0  # degrees; a border with at least this angle to the outline is not moved
         before, after, (seam, end) = self.nodes[node]
         if self.changed & {before, after, seam} or turn_at(self._points_around(before, after)) < sharp:
             return
@@ -225,8 +225,8 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Return the rank of a place for a border's end: a larger angle first; of equal angles, an arc's end first."""
-        enough = 45.0  # degrees; places with larger angles rank equal
+        """Return the rank of a place for a border's end. Large angles rank high; at equal angles, ends of arcs do."""
+        enough = 45.0  # degrees; all places with larger angles between border and outline are equally good
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
 
@@ -235,8 +235,8 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the angle (degrees) at a node between a border and the outline's two walls there.
-        If only one of these walls is round, only the straight wall counts."""
+        """Return the angle (degrees) at a node between a border and the outline's walls before and after the node.
+        If one wall is round and one is straight, only the straight wall counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

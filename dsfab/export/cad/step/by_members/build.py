@@ -1,4 +1,4 @@
-"""File of a part by members, and OCCT's checks of the file: triangles, comparison with the mesh, and trial cuts."""
+"""STEP file with step = 'members', and OCCT's checks: triangles, comparison with the mesh, and trial cuts."""
 
 import subprocess
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ CUT_COUNT = len(PLANES)
 
 @dataclass(frozen=True, eq=False)
 class MemberFile:
-    """Checked file of a part by members.
+    """Checked STEP file with step = 'members'.
     solids, faces, trimmed : numbers of solids, faces and trimmed faces.    gap : widest gap, mm.    volume : mm3.
     there, back : largest distance of the solid from the mesh, and of the mesh from the solid, mm.
     used : result of OCCT's trial cuts, as text."""
@@ -57,13 +57,13 @@ class MemberFile:
         """Description of the file for messages."""
         trimmed_text = f", {self.trimmed} of its {self.faces} faces trimmed" if self.trimmed else ""
         return (
-            f"four-sided patches on shared curves{trimmed_text}; at most {self.there:.2g} mm off the mesh and the mesh "
-            f"{self.back:.2g} mm off it ({self.limits.summary}); {self.used}"
+            f"four-sided patches on shared curves{trimmed_text}; at most {self.there:.2g} mm from the solid to "
+            f"the mesh, {self.back:.2g} mm from the mesh to the solid ({self.limits.summary}); {self.used}"
         )
 
 
 class NotByMembersError(ExportError):
-    """Reason why a part has no file by members. if_asked : True if dsfab would still write the file on request."""
+    """Reason why step = 'members' failed. if_asked : True if dsfab would still write the file on request."""
 
     def __init__(self, reason: str, if_asked: bool = False) -> None:
         super().__init__(reason)
@@ -76,7 +76,7 @@ class RoughError(ExportError):
 
 @derived
 def member_file(part: Part) -> MemberFile:
-    """Return the usual file of a part, or a finer file if that one is rough; computed once for each part.
+    """Return the file of a part, with finer patches if the first file is inexact or invalid; computed once for a part.
     Raises NotByMembersError with the reason, and BudgetError if the file is too large."""
     try:
         plan = SolidPlan(part)
@@ -91,7 +91,7 @@ def member_file(part: Part) -> MemberFile:
 
 
 def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
-    with occt() as program:  # the program loads OCCT while the draft is made
+    with occt() as program:  # another process loads OCCT while dsfab drafts the file
         draft = member_draft(part, plan, fine)
         require_budget(part, draft.faces, len(draft.text))
         seconds, deflection = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
@@ -141,23 +141,23 @@ def require_solid(
     wide_box = 2e-2  # largest error of OCCT's bounding box, as a fraction of its diagonal; 1.1 % for a saddle of 5 m
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)
-    _require(len(findings) == draft.solids, "OCCT did not read the solids by members within the time limit")
+    _require(len(findings) == draft.solids, "OCCT did not read the solids of step = 'members' within the time limit")
     sound = all(finding.valid and finding.closed for finding in findings)
-    _require(sound, "OCCT finds the solid by members invalid", RoughError)
-    _require(faces == draft.faces, f"OCCT reads {faces} faces by members instead of {draft.faces}")
-    _require(gap <= widest, f"a gap by members of {gap:.3g} mm is wider than {widest:.3g} mm")
+    _require(sound, "OCCT finds the solid of step = 'members' invalid", RoughError)
+    _require(faces == draft.faces, f"OCCT reads {faces} faces in the solid of step = 'members', not {draft.faces}")
+    _require(gap <= widest, f"the solid of step = 'members' has a gap of {gap:.3g} mm, wider than {widest:.3g} mm")
     low, high = np.array([finding.box for finding in findings]).reshape(-1, 2, 3).transpose(1, 0, 2)
     box = box_fault(part, [*low.min(axis=0).tolist(), *high.max(axis=0).tolist()], plan.limits, wide_box)
     _require(not box, f"by members {box}")
-    _require(bool(triangles), "OCCT makes no triangles of a face by members", RoughError)
+    _require(bool(triangles), "OCCT makes no triangles of a face of the solid of step = 'members'", RoughError)
     gate, forth, back = plan.gate, triangles[0].there, triangles[0].back
     volume, mesh_volume = sum(finding.volume for finding in findings), float(gate.volumes.sum())
     rounder = float((gate.excess_volumes * gate.volumes).sum()) / mesh_volume
     worst_way = max(forth, back, key=lambda distances: distances.worst - distances.allowed)
-    complaint = f"by members it is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"
+    complaint = f"the 'members' solid is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"
     _require(worst_way.worst <= worst_way.allowed, complaint, RoughError)
     is_kept = abs(volume - mesh_volume) <= (CHANGED_VOLUME + rounder) * mesh_volume
-    _require(is_kept, f"its volume by members is off by {volume / mesh_volume - 1:.1%}")
+    _require(is_kept, f"the volume of the solid of step = 'members' is off by {volume / mesh_volume - 1:.1%}")
     _require(not triangles[0].fault, triangles[0].fault, RoughError)
     return forth.most, back.most, triangles[0].shape
 
@@ -166,7 +166,7 @@ def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> 
     use = sampled_use(part, shape, draft.faces, plan.limits, ".bin")
     if use.fault:
         raise ExportError(f"by members {use.fault}")
-    return "a half-space cut valid" if use.tried else f"not cut here, since it has more than {MOST_FACES} faces"
+    return "a half-space cut valid" if use.tried else f"no trial cut: the solid has over {MOST_FACES} faces"
 
 
 def _use_sentence(draft: MemberDraft, seconds: float) -> str:
@@ -174,7 +174,7 @@ def _use_sentence(draft: MemberDraft, seconds: float) -> str:
     try:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:
-        raise ExportError("OCCT did not cut the solid by members within the time limit") from error
+        raise ExportError("OCCT did not cut the solid of step = 'members' within the time limit") from error
     require_use(report)
     return f"{CUT_COUNT} of {CUT_COUNT} half-space cuts valid, {report['fillets']} of {report['sharp']} fillets made"
 
@@ -183,16 +183,16 @@ def require_use(report: dict[str, Any]) -> None:
     """Raise ExportError if the findings of `use_findings` show that CAD programs would fail."""
     plain_limit = 1e-3  # largest relative error of the volume if OCCT does not refine its integration
     plain_error = report["plain"] / report["volume"] - 1
-    _require(report["valid"], "OCCT finds the solid by members invalid once it is read again")
+    _require(report["valid"], "OCCT finds the solid of step = 'members' invalid after reading it again")
     last_cut = _cut_fault(f"half-space cut {report['sound'] + 1} of {CUT_COUNT}", report["missed"][-1])
     _require(report["sound"] == CUT_COUNT, last_cut)
     _require(report["boxed"], _cut_fault("a cut with a box", report["box_missed"]))
-    _require(report["closed"], "a section of the solid by members has open ends")
-    _require(report["again"], "the solid by members is not the same once OCCT has written and read it")
-    _require(abs(plain_error) <= plain_limit, f"the plain rule finds the volume by members {plain_error:.2%} off")
+    _require(report["closed"], "a section of the solid of step = 'members' has open ends")
+    _require(report["again"], "the solid of step = 'members' changes when OCCT writes and reads it")
+    _require(abs(plain_error) <= plain_limit, f"OCCT's unrefined volume of step = 'members' is {plain_error:.2%} off")
 
 
 def _cut_fault(cut: str, missed: float) -> str:
     if missed == 1:
-        return f"{cut} of the solid by members is not valid"
-    return f"the halves of {cut} miss {missed:.1e} of the volume of the solid by members"
+        return f"{cut} of the solid of step = 'members' is not valid"
+    return f"the halves of {cut} miss {missed:.1e} of the volume of the solid of step = 'members'"

@@ -1,4 +1,4 @@
-"""Curves of degree 2 or 3 along chains, one on each skin, moved onto the skins between their ends."""
+"""Pairs of curves of degree 2 or 3 along chains of mesh edges: one curve on each skin of the sheet."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -31,12 +31,12 @@ class InnerSpline:
 
     @classmethod
     def from_breaks(cls, breaks: Floats) -> "InnerSpline":
-        """Return the splines for breaks from 0 to 1, from a cache."""
+        """Return the splines for `breaks`, the parameters where spans end, from 0 to 1; from a cache."""
         return _inner_spline(breaks.tobytes())
 
     @cached_property
     def hats(self) -> Floats:
-        """Return (k + 1, k, 4): for the point at each place, the weight of each Bezier pole of each span."""
+        """Return weights (k + 1, k, 4) of all Bezier poles: a row for each place gives the spline's point there."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -100,7 +100,7 @@ class SampledChain:
         return {}
 
     def point(self, x: float) -> Floats:
-        """Return the point (6,) at the fraction x < 1 of the chain's length."""
+        """Return the points (6,) on both skins at the fraction x < 1 of the chain's length."""
         s, to = self.lengths, x * self.lengths[-1]
         i = int(s.searchsorted(to, side="right"))
         return np.asarray((self.Q[i] - self.Q[i - 1]) / (s[i] - s[i - 1]) * (to - s[i - 1]) + self.Q[i - 1])
@@ -108,8 +108,8 @@ class SampledChain:
 
 @dataclass(frozen=True, eq=False)
 class ChainCurve:
-    """Cubic curve on both skins. breaks : (k + 1,) from 0 to 1. spans : (k, 4, 6) Bezier poles between breaks, mm.
-    off : largest distance from the samples of the chain, mm."""
+    """Cubic curves along a chain, one on each skin. breaks : (k + 1,) parameters where spans end, from 0 to 1.
+    spans : (k, 4, 6) Bezier poles, mm.    off : largest distance of the chain's samples from the curves, mm."""
 
     breaks: Floats
     spans: Floats
@@ -117,7 +117,7 @@ class ChainCurve:
 
     @classmethod
     def from_spline(cls, spline: Spline, distance: float) -> "ChainCurve":
-        """Return the chain's curve for a spline of degree 1, 2 or 3."""
+        """Convert a spline of degree 1, 2 or 3 to cubics. distance : `off` of the result, mm."""
         breaks = np.unique(spline.knots)
         x = READ_PLACES[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         values = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
@@ -163,7 +163,7 @@ def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list
 
 
 def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], Floats]) -> list[ChainCurve]:
-    """Move curves onto the skins between their ends.
+    """Move curves onto the outer and the inner skin of the sheet; the ends of curves do not move.
     vectors_to_skins : function that returns the vectors from points (k, 6) to the skins."""
     if not curves:
         return []
@@ -201,7 +201,7 @@ PARABOLA_SHARE = 1 / 10  # a parabola's largest distance from its cubic / allowe
 ZERO_DIFFERENCE = 1e-8  # smaller third differences (mm) are rounding errors
 
 BOW_FACTOR = np.sqrt(3) / 36
-"""Distance of a cubic with third difference 1 from its parabola: the maximum of x (1/2 - x) (1 - x)."""
+"""Distance between a cubic with third difference 1 and its parabola (`as_parabolas`): maximum x (1/2 - x) (1 - x)."""
 
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
@@ -250,7 +250,7 @@ def _middle_pole(P: Floats) -> Floats:
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     """Return True if cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
-    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest change of end directions, in the skin and across it
+    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest turn of a curve's ends within the skin, and out of it
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
     if (outer < box[0]).any() or (outer > box[1]).any():

@@ -1,4 +1,4 @@
-"""Draft of a part by members: all steps from regions to STEP entities, before OCCT checks the file."""
+"""Draft of a file with step = 'members': all steps from regions to STEP entities, before OCCT checks the file."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -135,10 +135,10 @@ class NetWriter:
         return [numbers[i : i + poles.shape[1]] for i in range(0, len(numbers), poles.shape[1])]
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
-        """Return the edge between a vertex's points on both skins, and True if the edge ends on the outer skin."""
+        """Return the edge through the thickness at a vertex, and True if this edge ends on the outer skin."""
         outer, inner = self.vertices[vertex]
         if (outer, inner) in posts:
-            return posts[outer, inner], False  # added by the other side of the seam, in the opposite direction
+            return posts[outer, inner], False  # the other side of the seam added this edge, in the opposite direction
         if (inner, outer) not in posts:
             ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
             posts[inner, outer] = self.new.edge(inner, outer, self.new.bezier(ends))
@@ -151,7 +151,7 @@ class NetWriter:
 
 GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges / thickness
 PASSES = 3  # number of attempts; after a change other outlines may cross
-UNASKED = 7000  # largest number of faces without a request for members; more faces take over half a minute
+UNASKED = 7000  # largest number of faces if the user did not choose step = 'members'; more take over half a minute
 
 
 class ManyFacesError(ExportError):
@@ -191,7 +191,7 @@ def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
         pieces.append(NetWriter(entity_list, model, plan.limits.thickness).faces(surfaces, seams))
         trimmed += surfaces
     require_few_faces(part, faces := sum(map(len, pieces)))
-    text = "".join(entity_list.file(pieces, part.name, "curved solid of four-sided patches by members"))
+    text = "".join(entity_list.file(pieces, part.name, "curved solid of four-sided patches along members"))
     return MemberDraft(text, len(pieces), faces, 2 * len(trimmed), max((face.gap for face in trimmed), default=0.0))
 
 
@@ -199,17 +199,18 @@ _TOO_MANY = WeakSet[Part]()
 
 
 def has_too_many(part: Part) -> bool:
-    """Return True if a part has no file by members only because the file would have too many faces."""
+    """Return True if a part was not written by members (four-sided patches) because it would have too many faces."""
     return part in _TOO_MANY
 
 
 def require_few_faces(part: Part, faces: int) -> None:
-    """Raise ManyFacesError if a part in a hurry would have more faces than dsfab writes without a request."""
+    """Raise ManyFacesError if `hurry` of the part sets a limit and the file would have more faces."""
     limit = part.hurry * UNASKED
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
         raise ManyFacesError(
-            f"by members it would have at least {faces} faces, more than the {limit} that dsfab tries without a request"
+            f"along members, the file would have at least {faces} faces, "
+            f"more than the {limit} that dsfab tries without a request"
         )
 
 
@@ -306,7 +307,7 @@ def _with_cut_ends(
 
 
 def outline_poles(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return the poles of all curves around each trimmed region, as bytes by region."""
+    """Return a dict: trimmed region -> poles of all curves around it, as bytes."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -320,7 +321,7 @@ def changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> l
 
 
 class _Fits:
-    """Lines and models of nets. A cache keeps the samples of unchanged chains and the faces of unchanged outlines."""
+    """Fitted lines and boundary models of a `ChainNet`. A cache keeps results for unchanged chains and outlines."""
 
     def __init__(self, interior: RegionInterior, plan: SolidPlan) -> None:
         self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH_SHARE * plan.limits.thickness
@@ -346,7 +347,7 @@ class _Fits:
 
 
 class RegionQuads:
-    """Four-sided regions of nets, with a cache for regions whose chains are unchanged. reach : see `quad_of`, mm."""
+    """Four-sided regions of a `ChainNet`, cached while their chains do not change. reach : as in `quad_of`, mm."""
 
     def __init__(self, reach: float) -> None:
         self.reach, self.known = reach, dict[int, tuple[list[ChainLoop], list[SampledChain], Quad | None]]()
@@ -371,5 +372,5 @@ def wanted_gap(thickness: float) -> float:
 
 def _wide_box(skins: Floats) -> Floats:
     # OCCT's bounding box contains all poles, so poles must not lie far outside the skins.
-    share = 1 / 300  # poles may lie outside the box by this fraction of its diagonal
+    share = 1 / 300  # poles may lie outside the box of the skins by this fraction of the box's diagonal
     return np.asarray(skins + share * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))

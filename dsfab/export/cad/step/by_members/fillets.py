@@ -1,4 +1,4 @@
-"""Round corners of openings: their regions join neighbours, and borders of members move to the ends of the arcs."""
+"""Round corners of openings: regions in fillets join their neighbours; borders of members move to the ends of arcs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -66,7 +66,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the outline chains before and after a node and the end of its border; None unless it has one border."""
+    """Return the outline chains before and after a node, and the border's end; None unless one border ends there."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -79,7 +79,7 @@ def turn_at(three: Floats) -> float:
 
 
 class _Arcs:
-    """Arcs of round corners. An arc is extended by the short wall that lies beyond the border at its end."""
+    """Arcs of round corners. A short wall between an arc's end and the next corner becomes a part of the arc."""
 
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs
@@ -119,7 +119,7 @@ class _Arcs:
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
-    """Join every fillet with the neighbouring regions; other regions outside of all stripes stay."""
+    """Join the region of each fillet with neighbouring regions. No other region outside of all stripes changes."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take_region(region)
@@ -150,7 +150,7 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        # Largest length of a fillet's inner borders / length of its arc; for one member and for two members.
+        # Largest length of a fillet's inner borders / length of its arc: for three or more borders, and for fewer.
         detour, flat_detour = 2.2, 4.0
         if len(self.loops[region]) != 1:
             return
@@ -215,8 +215,8 @@ class _Fillets:
         self.loose.discard(region)
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
-        """Return the region behind a fillet where both members cross; None if there is no such region."""
-        smaller = 0.6  # the crossing's border must be shorter than this fraction of the other region's
+        """Return the region where the two members beside a fillet cross; None if there is no such region."""
+        smaller = 0.6  # the crossing's border must be shorter than this fraction of the other region's border
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
         if len(inner) != 2 or neighbours[0] == neighbours[1]:
@@ -242,7 +242,7 @@ class _Fillets:
         return [k for k in self.at.get(point, []) if k in self.chains]
 
     def _divide_arc(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
-        """Divide an arc between the first and the last region behind it. halves : points of both parts of the arc."""
+        """Give the parts of an arc to the first and last of its neighbouring regions. halves : points of each part."""
         for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
             replacement: ChainLoop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None

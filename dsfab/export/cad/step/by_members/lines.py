@@ -29,7 +29,7 @@ class ChainLine:
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return (start, end) parameters of the line's parts along outlines, each with the material on its left."""
+        """Return (start, end) parameters of the parts of this line along outlines, with the material on their left."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -53,7 +53,7 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Halve cubics until `may_stay` accepts them. The cut is at the end of a chain if one is near the middle."""
+        """Halve cubics until `may_stay` accepts them. If a chain ends near a cubic's middle, the cut is at this end."""
         shortest = 1 / 16  # shortest span that is divided; otherwise, division may never end
         middle_share = 1 / 4  # largest distance of a cut from the middle of a cubic / length of the cubic
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
@@ -86,7 +86,7 @@ class NetLines:
                 self.place[k] = (i, a, b) if ahead else (i, b, a)
 
     def line_part(self, step: tuple[int, bool]) -> LinePart:
-        """Return the line of a step of a loop, and the parameters where the step begins and ends."""
+        """Return the line of a chain, with its parameters at the chain's ends. step : chain, True for its direction."""
         i, a, b = self.place[step[0]]
         return (i, a, b) if step[1] else (i, b, a)
 
@@ -96,7 +96,7 @@ class NetLines:
         return [*(self.net.ends(step)[0] for step in steps), self.net.ends(steps[-1])[1]]
 
     def parts(self, parts: Sequence[LinePart]) -> Floats:
-        """Return (k, 4, 6) poles of parts of lines, in the direction of each part; no part may contain a break."""
+        """Return poles (k, 4, 6) for parts of lines, in the direction of each part. A part lies within one cubic."""
         if not parts:
             return np.zeros((0, 4, 6))
         i, a, b = (np.array(column) for column in zip(*parts, strict=True))
@@ -131,7 +131,7 @@ class NetLines:
         return result
 
     def curves(self, regions: Iterable[int]) -> dict[int, ChainCurve]:
-        """Curves of all chains around regions, by number."""
+        """Curves of all chains around regions, by number of the chain."""
         around = {k for region in regions for loop in self.net.loops[region] for k, _ in loop}
         return {k: self.curve(k) for k in around}
 
@@ -151,14 +151,14 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
 
 
 def with_twins(lines: NetLines) -> NetLines:
-    """Unite the curves on both sides of a seam: the outer poles of one side are the inner poles of the other side.
-    Raises ExportError if one side has other chains than the other side."""
+    """Use one curve for both sides of a seam: the outer poles of one side are the inner poles of the opposite side.
+    Raises ExportError if the chains on the two sides differ."""
     net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
     for points, i in seam.items():
         j = seam.get(tuple(net.twins[p] for p in points))
         if j is None:
-            raise ExportError("the sheet has different borders on both sides of the seam through its one-sided surface")
+            raise ExportError("borders of members do not match at the seam where the one-sided sheet was cut open")
         twins[i] = j
         if i < j:
             curve = result[i].curve
@@ -168,7 +168,7 @@ def with_twins(lines: NetLines) -> NetLines:
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
     """Return the points (6,) where chains of a line join, by node.
-    The ends of a line may be such points of other lines, so a linear system determines all points."""
+    A line may end where chains of other lines join, so a linear system determines all points together."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -199,7 +199,7 @@ def node_of(net: ChainNet, end: ChainEnd) -> int:
 
 
 def end_of(step: tuple[int, bool]) -> ChainEnd:
-    """Return the end of a chain where a step arrives."""
+    """Return the end of a chain that a loop reaches last. step : chain, and True if the loop runs along the chain."""
     return step[0], -1 if step[1] else 0
 
 
@@ -209,8 +209,8 @@ BEND_ANGLE = np.deg2rad(10.0)  # smallest bend at a vertex of a round outline, r
 
 
 class ArcsOnSkins:
-    """Arcs on both skins and their distances from the chains, with a cache.
-    away : function of points (k, 6) that returns the vectors to the skins."""
+    """Function that moves arcs of round corners onto both skins of the sheet, with a cache.
+    away : function that returns the vectors from points (k, 6) to the skins."""
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
         self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()
@@ -231,7 +231,7 @@ def with_arcs(
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
     """Replace lines along round corners by arcs. tolerances : mm, by chain. rounded : chains of round corners."""
-    rounds = 4  # the removal of a bad arc changes its neighbours, and they may become bad
+    rounds = 4  # the removal of an arc changes its neighbours, which may then be too far from their chains
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(rounds):
@@ -254,7 +254,7 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
-    """Return the outline chains of round corners: chains with a bend, and chords of arcs within `tolerances` (mm)."""
+    """Return the outline chains of round corners: chains that bend, and chains near an arc (`tolerances`, mm)."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
@@ -287,7 +287,7 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the arcs of round corners by chain. An end without a known tangent has its chain's direction."""
+        """Return the arcs of round corners, by chain number. An end without a known tangent follows its chain."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -306,7 +306,7 @@ class _Corners:
         return self.made[k][2]
 
     def _known_way(self, node: int) -> Floats | None:
-        """Return the direction (6,) of an outline at a node, from a cache; None at a corner or along a border."""
+        """Return the tangent (6,) of an outline at a node; None at a corner, or if a border is nearly tangent."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -330,7 +330,7 @@ class _Corners:
         return d if steep else None
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the tangent (6,) of a circle where two chains meet. The circle passes through their three ends."""
+        """Return the tangent (6,) where two chains meet: it belongs to the circle through all three chain ends."""
         spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
         a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))
@@ -368,7 +368,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
     """Return the arc between two points (6,) with directions (6,); None if the arc would bend too much.
     The arc is the cubic nearest to a circle. Its handles are chord / (3 cos^2(bend / 4)) long."""
-    widest = 80.0  # degrees; largest angle between chord and direction
+    widest = 80.0  # degrees; largest angle between the chord of the arc and its direction at an end
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))
     if min(float(direction @ chord) for direction in directions) < np.cos(np.deg2rad(widest)) * long:

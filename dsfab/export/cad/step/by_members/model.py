@@ -1,4 +1,4 @@
-"""Boundary model of a solid by members: vertices, edges, walls and faces without duplicates, and its corners."""
+"""Boundary model of a solid with step = 'members': vertices, edges, walls and faces without duplicates, corners."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -27,7 +27,7 @@ class NetEdge:
 
 @dataclass(frozen=True, eq=False)
 class NetWall:
-    """Ruled face between the skins. steps : edges in order, material on the left. poles : (4, 6) of the whole wall."""
+    """Ruled face between the skins. steps : edges and directions, material on the left. poles : (4, 6) of the wall."""
 
     steps: ChainLoop
     poles: Floats
@@ -37,7 +37,7 @@ class NetWall:
 class NetPatch:
     """Four-sided face on each skin.
     loop  : edges counter-clockwise from outside, one or several along each side.
-    poles : (4, 4, 6), mm.    within : True if the surface extends beyond an edge."""
+    poles : (4, 4, 6), mm.    within : True if the face covers only a part of its surface."""
 
     loop: ChainLoop
     poles: Floats
@@ -46,7 +46,7 @@ class NetPatch:
 
 @dataclass(eq=False)
 class NetModel:
-    """Boundary model of a solid by members.
+    """Boundary model of a solid with step = 'members'.
     vertices : (6,) points on both skins, mm.    trimmed : loops around regions without patches.
     compact  : trimmed regions with four sides.
     seam     : True for a one-sided surface that was cut open. At this seam the outer skin meets the inner skin."""
@@ -65,16 +65,16 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Return the poles along loops of edges as bytes. They do not depend on the numbers of the edges."""
+        """Return the poles along loops of edges as bytes, which do not depend on how edges are numbered."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
-        """(4, 6) poles of the edge of a step, in its direction."""
+        """(4, 6) poles of an edge in a loop's direction. step : edge, and True if the loop runs along the edge."""
         e, ahead = step
         return self.edges[e].poles[:: 1 if ahead else -1]
 
     def vertex(self, step: tuple[int, bool], at_start: bool) -> int:
-        """Vertex where a step begins (`at_start`) or ends."""
+        """Vertex where an edge of a loop begins (`at_start`) or ends. step : as in `poles`."""
         edge = self.edges[step[0]]
         return edge.start if step[1] == at_start else edge.end
 
@@ -96,8 +96,8 @@ def net_model(
     covering: PatchBuilder,
     patched: Collection[int] = (),
 ) -> NetModel:
-    """Build the model of a net.
-    covering : builder of patches. Regions with bad patches become trimmed faces.
+    """Build the boundary model of a solid from lines and regions.
+    covering : fits patches to regions. Regions with bad patches become trimmed faces.
     patched  : four-sided regions that may have more than `MOST_CELLS` patches."""
     stations, quad_list = SideStations(lines, chains), list(quads)
     whole_quads = [quad for quad in quad_list if quad.region not in patched and stations.cells(quad) > MOST_CELLS]
@@ -216,7 +216,7 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # largest outline / mean width: 8 for a square, 10.7 for a row of three squares
+    limit = 10.0  # largest length of a region's outline / mean width: 8 for a square, 10.7 for three squares in a row
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
@@ -224,10 +224,10 @@ def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
 
 @dataclass(frozen=True)
 class FilledCorner:
-    """Corner that a fillet fills with material, and where one seam ends.
-    seam     : edge of the seam.    end : end of the seam at the corner: 0 for the first, 1 for the last.
+    """Corner that a fillet fills with material, and at which exactly one seam ends.
+    seam     : edge of the seam.    end : 0 if the seam begins at the corner, 1 if it ends there.
     half     : tangent of half the bend angle.    beside : edges of the walls before and after the corner.
-    straight : edge of a wall that continues the seam; None if there is no such edge."""
+    straight : edge of a wall in line with the seam; None if there is no such edge."""
 
     vertex: int
     seam: int
@@ -243,7 +243,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Return the corners that a fillet fills and where one seam ends. A one-sided surface has none."""
+    """Return the corners with one seam that a fillet fills with material; an empty list for a one-sided surface."""
     straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians between a seam and its continuation
     if model.seam:
         return []
@@ -277,7 +277,7 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Return the tangent of half the bend angle at a corner (a fillet's length / its radius); 0 at a smooth corner."""
+    """Return tan(bend / 2) for the bend angle at a corner: length of a fillet / its radius; 0 at a smooth corner."""
     smooth = np.cos(np.deg2rad(10.0))  # walls with a bend of at most 10 degrees need no fillet
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 

@@ -27,7 +27,7 @@ from dsfab.export.cad.step.by_members.regions import VOID, ChainLoop, ChainNet, 
 from dsfab.export.cad.step.shared.skins import LOOP_SHARE, OUTLINE_SHARE
 from dsfab.export.splines import bernstein, polyline_length
 
-REACH_SHARE = 3 / 4  # length of a chain on which its direction is measured / thickness
+REACH_SHARE = 3 / 4  # length over which a chain's direction is measured, as a fraction of the thickness
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,25 +90,25 @@ class QuadSide:
 
 
 SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
-"""Parts of the bottom, right, top and left side of a region between its stations; opposite sides have one direction."""
+"""Bottom, right, top and left side of a region, each divided into parts. Opposite sides run in the same direction."""
 
 
 class SideStations:
-    """Stations: points where two opposite sides of a region are divided. stops : stations of each line (parameters)."""
+    """Stations: points where two opposite sides of a region are divided. stops : parameters of each line's stations."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
         self.stops = [{*line.at.tolist(), *line.curve.breaks.tolist()} for line in lines.lines]
 
     def cells(self, quad: Quad) -> int:
-        """Number of patches into which the stations divide a region."""
+        """Number of patches of a region, whose sides are divided at stations (see `SideStations`)."""
         bottom_side, right_side, top_side, left_side = (self._side(steps) for steps in quad.sides)
         pairs = (bottom_side, top_side.backwards()), (left_side.backwards(), right_side)
         along, up = (1 + len(paired_shares(*(np.array(list(self._breaks(side))) for side in two))[0]) for two in pairs)
         return along * up
 
     def grid(self, quad: Quad) -> SideGrid:
-        """Return the sides of a region, divided at its stations; adds stations if the sides need them."""
+        """Return the sides of a region, divided at its stations (see `SideStations`); adds stations if needed."""
         bottom_side, right_side, top_side, left_side = (self._side(steps) for steps in quad.sides)
         below, above = self._divide_sides(bottom_side, top_side.backwards())
         before, after = self._divide_sides(left_side.backwards(), right_side)
@@ -145,7 +145,7 @@ class SideStations:
         return first_parts, self._parts_between(second_side, second_breaks, pairs[1])
 
     def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], cuts: Floats) -> list[LinePart]:
-        """Divide a side at fractions (k,) of its length. Fractions where the side has no break become stations."""
+        """Divide a side at fractions (k,) of its length. A cut inside a cubic becomes a station of its line."""
         ends, parts = np.concatenate([[0.0], cuts, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
@@ -156,7 +156,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # a station is used again if its distance / distance to the next one is smaller
+        snap_share = 0.15  # an old station replaces a cut if their distance / distance to the next cut is smaller
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -171,8 +171,8 @@ class SideStations:
 
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
-    """Pair the stations of two opposite sides; return their positions (k,), ascending, as fractions of each side.
-    Neighbouring stations form pairs. A station without a partner gets a new one, interpolated between pairs."""
+    """Pair the dividing points of two opposite sides; return positions (k,), ascending, as fractions of each side.
+    Points at similar fractions form pairs. Each remaining point gets a new partner, interpolated between pairs."""
     tolerance = 0.1  # paired stations differ by at most this fraction of a side
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares
@@ -193,15 +193,15 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Fraction of the chord error in the tolerance of lines. With a larger fraction, tori are too far from the mesh."""
+"""Factor on the mesh's chord error in the tolerance of lines. With a larger factor, tori are too far from the mesh."""
 
 
 class LineFits:
-    """Fits of lines, with a cache for chains with unchanged points.
-    distance : allowed distance of a solid from the mesh, mm.    box : (2, 3) box that must hold the poles, mm.
-    skins    : (2, 3) box around the skins, which must hold the poles of parabolas, mm.
-    away     : function of points (k, 6); returns vectors to both skins.
-    closely  : True to halve cubics that leave the skins."""
+    """Lines fitted to chains, with a cache for chains whose points did not change.
+    distance : allowed distance of the solid from the mesh, mm.    box : (2, 3) box that must contain all poles, mm.
+    skins    : (2, 3) box around both skins of the sheet. It must contain the poles of parabolas, mm.
+    away     : function of points (k, 6); returns the vectors to both skins.
+    closely  : True to halve cubics that are too far from the skins."""
 
     def __init__(
         self, distance: float, box: Floats, skins: Floats, away: Callable[[Floats], Floats], closely: bool = False
@@ -212,7 +212,7 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Fit lines along the chains of a net. One line for several chains has no more spans than a line for each."""
+        """Fit lines along the chains of a net. A line for several chains needs fewer spans than separate lines."""
         turns, self.within = partial(chain_turn, chains, reach), chain_tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -243,14 +243,14 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return True for lines of one chain, and for lines near their chains with fewer spans than separate lines."""
+        """Return True for each line along one chain, and for close lines along several chains with fewer spans."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
         return [len(x.steps) == 1 or fewer.get(id(x), len(x.curve.spans) == 1 and self._is_near(net, x)) for x in lines]
 
     def _is_near(self, net: ChainNet, line: ChainLine) -> bool:
-        least_distance = 0.1  # smallest distance between ends of chains and breaks / length of a span
+        least_distance = 0.1  # smallest distance from a chain's end to a span's end / length of the shortest span
         nodes, breaks = line.at[1:-1], line.curve.breaks
         if not len(nodes) or line.curve.off > self._tolerance(line.steps) or len(set(ends_of(net, line))) == 1:
             return False
@@ -315,8 +315,8 @@ def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: Chai
 
 
 def line_links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
-    """Pair the ends of chains where one line continues: along a side of a region, and along smooth outlines.
-    An arc may continue an outline, but not a border between members."""
+    """Pair the ends of consecutive chains that one line can follow: on a side of a region, or on a smooth outline.
+    Chains in `arcs` are paired only along outlines, not along sides of regions."""
     smooth = 10.0  # largest bend, degrees, between two chains of an outline that become one line
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:

@@ -26,7 +26,7 @@ def height_rows(uv: Floats, degree: int) -> Floats:
 
 
 def rows_at(uv: Floats) -> Callable[[int], Floats]:
-    """Return a function of the degree that gives `height_rows` at the parameters (k, 2), from a cache."""
+    """Return a function, with a cache: for a degree, it returns `height_rows` at the parameters (k, 2)."""
     return cache(partial(height_rows, uv))
 
 
@@ -85,7 +85,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return by how much (mm) surfaces inside outlines (., 3) exceed their distance limit; -inf without a limit."""
+    """Return by how much (mm) surfaces inside outlines (., 3) are too far from the mesh; -inf without a limit."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -106,7 +106,7 @@ def points_inside(points: Floats, lines: Sequence[Floats]) -> Bools:
         (ax, ay), (bx, by) = line.T, np.roll(line, -1, axis=0).T
         slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
         above = ay > y[:, None]
-        # the exact test is only for segments that the horizontal line through a point meets
+        # only segments that cross the horizontal line through a point need the exact test
         i, j = np.nonzero(above != np.roll(above, -1, axis=1))
         is_left = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
         is_inside ^= np.bincount(i[is_left], minlength=len(points)) % 2 == 1

@@ -21,8 +21,8 @@ from dsfab.surface import edge_table, half_edges, link_components
 
 
 def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
-    """Cut off both ends of each region with two long walls; the ends become regions.
-    An end narrower than `width` mm stays with the member."""
+    """Cut off both ends of each region that has two long walls. The cut-off ends become new regions.
+    An end narrower than `width` mm is not cut off."""
     points_each = 9  # a chain that divides a region has 9 points
     P = np.asarray(net.weights @ lifting.skins.points)
     chains, loops, cell = dict(net.chains), dict(net.loops), dict(net.parent)
@@ -62,7 +62,7 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
 
 
 def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
-    """Return the positions in a region's loop of two long walls that are not adjacent; None without such walls."""
+    """Return the positions of two long walls in a region's loop; None if they are adjacent or not long enough."""
     long = 1.5  # smallest length of a member's walls / distance between the walls
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
@@ -78,7 +78,7 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def is_narrow_end(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if the chord of a row of chains over nodes P (n, 3) cuts off a narrow piece, or leaves the region."""
+    """Return True if a straight line across a region's end cuts off a narrow piece or leaves the region. P : (n, 3)."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 
@@ -88,11 +88,11 @@ def _points(net: ChainNet, loop: ChainLoop) -> Ints:
 
 
 LEAST_COSINE = 0.75
-"""Smallest cosine between each normal of a region and their mean. With 0.35, some faces were 2 mm from their edges."""
+"""Smallest cosine between a region's normals and their mean. With 0.35, some faces had gaps of 2 mm at their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide regions that bend too much and have a single outline. The net must begin with the sheet's points."""
+    """Divide regions that bend too much and have a single outline. The net begins with the sheet's points."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
@@ -146,14 +146,14 @@ class _BendSeams:
         return float(np.linalg.norm(N, axis=1).sum() - np.linalg.norm(N.sum(axis=0)))
 
     def divide(self, region: int) -> int:
-        """Divide a region; return the number of the new region, or -1 if no seam reduces the bending enough."""
+        """Divide a region by a seam; return the new region's number, or -1 if no seam gives much flatter parts."""
         seam = self._seam(region)
         if seam is None and self._halve_chains(region):
             seam = self._seam(region)
         return -1 if seam is None else self._with_seam(region, *seam)
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
-        most_left = 0.8  # largest cost (bending plus seam) after the division / cost before
+        most_left = 0.8  # largest cost (bending and seam) after the division of a region / cost before
         seam_cost = 0.1  # cost of a seam whose length is the square root of the region's area
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
@@ -215,7 +215,7 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
     border = np.zeros(len(used), dtype=bool)
     border[edges.ends[edges.boundary]] = True
     away = np.asarray(cKDTree(P[used[border]]).query(P[used])[0])
-    # paths keep away from walls, because straightened paths could cross walls
+    # paths keep away from the region's walls: they are straightened later, and could then cross a wall
     wall_factor = 1 + wall_distance / np.maximum(away[ends].mean(axis=1), wall_distance / 4)
     long = np.tile(wall_factor * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1), 2)
     start, end = np.concatenate([ends, ends[:, ::-1]]).T

@@ -24,23 +24,23 @@ ChainLoop = list[tuple[int, bool]]  # chain numbers in order; True if the loop r
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Chain of mesh edges between two nodes.
-    points : (k,) rows of the net's weights; the first and the last are nodes.    left, right : regions (or VOID)."""
+    """Chain of mesh edges between two nodes.    left, right : numbers of the regions beside it; `VOID` for no region.
+    points : (k,) numbers of points (rows of `ChainNet.weights`). The first and the last are nodes."""
 
     points: Ints
     left: int
     right: int
 
     def directed_points(self, ahead: bool) -> Ints:
-        """(k,) points along (`ahead`) or against the chain."""
+        """(k,) points in the direction of this chain (`ahead`), or in the opposite direction."""
         return self.points if ahead else self.points[::-1]
 
     def region_beyond(self, ahead: bool) -> int:
-        """Return the region on the right of a walk along (`ahead`) or against the chain."""
+        """Return the region on the right of the chain if `ahead`, else the region on the left."""
         return self.right if ahead else self.left
 
     def with_region(self, region: int, ahead: bool) -> "Chain":
-        """Return the chain with another region on the left of a walk along (`ahead`) or against the chain."""
+        """Return the chain with a new region on its left if `ahead`, else with a new region on its right."""
         return Chain(self.points, region, self.right) if ahead else Chain(self.points, self.left, region)
 
 
@@ -97,7 +97,7 @@ def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
 
 
 def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
-    """Return the outline's chain that ends at a node and the one that begins there; None if there are several."""
+    """Return the outline chains that end and begin at a node; None unless exactly one outline passes the node."""
     before, after = ([k for k, end in ends if end == which and net.chains[k].right == VOID] for which in (-1, 0))
     return (before[0], after[0]) if len(before) == len(after) == 1 and before != after else None
 
@@ -177,13 +177,13 @@ class _BorderWalk:
 
     @cached_property
     def _seam_points(self) -> Ints:
-        """Return (2, k) vertices at one place, on both sides of a seam."""
+        """Return (2, k) pairs of coincident vertices: one on each side of the seam."""
         side_a, side_b = self.seam.T
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
-        """Return the (k,) border half-edges where a round corner of the outline begins or ends.
-        bent : (k,) True for half-edges where the outline bends.    void : (k,) True for half-edges of the outline."""
+        """Return (k,) True for border half-edges that end where a round corner of an outline begins or ends.
+        bent : (k,) True for half-edges that end at a bend.    void : (k,) True for half-edges of an outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]
@@ -291,8 +291,8 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
 
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
-    """Remove regions of two chains that are narrower than `width`. P : (p, 3) points of the net.
-    Such a region joins a neighbour, because its two chains could cross after they are straightened."""
+    """Remove regions between two chains that are narrower than `width`. P : (p, 3) points of the net.
+    A narrow region becomes part of a neighbour. Otherwise its chains could cross after they are straightened."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
@@ -327,12 +327,12 @@ INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1
 """Barycentric points of each cell near which a trimmed face must pass. Centres alone would allow waves."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""Barycentric points to be added in cells longer than the thickness. They prevent waves between points."""
+"""Additional barycentric points in cells longer than the thickness, so that a fitted face has no waves there."""
 
 
 @dataclass(frozen=True, eq=False)
 class RegionInterior:
-    """Points on the skins inside regions.    fine : True for more points (`MORE`) in long cells."""
+    """Points inside regions, on both skins of the sheet.    fine : True for more points (`MORE`) in long triangles."""
 
     sheet: StripedSheet
     lifting: Lifting
@@ -340,7 +340,7 @@ class RegionInterior:
     fine: bool = False
 
     def points(self, net: ChainNet, regions: Sequence[int]) -> dict[int, Floats]:
-        """Return for each region (k, 6) points of the skins in its cells."""
+        """Return a dict: region -> points (k, 6) in the cells of the region, on both skins."""
         if not regions:
             return {}
         cells = [np.flatnonzero(net.cell == net.parent.get(region, region)) for region in regions]
@@ -359,7 +359,7 @@ class RegionInterior:
         return self.lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in weights], format="csr")))
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
-        """Return (m,) True for cells with a side longer than the thickness, or long for their region's size (m,)."""
+        """Return (m,) True for cells with a side longer than the thickness, or than a part of their region's size."""
         region_share = 1 / 6  # a side is long if its length / size of the region is larger
         P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)

@@ -16,7 +16,7 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Changes that move pieces of walls' edges onto a face; new edges and new vertices (6,) are stored by number."""
+    """Movement of edges of walls onto a face. pieces : moved edges.    edges, vertices : new edges, new points (6,)."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -24,7 +24,7 @@ class MovedRim:
 
 
 class Rims:
-    """Edges of walls (rims) in a model that can move onto the faces beside them.
+    """Edges of walls (rims), and their movement onto neighbouring faces.
     pieces : rims at sharp corners.    ends : numbers of the edges that end at each vertex."""
 
     def __init__(self, model: NetModel, pieces: Collection[int]) -> None:
@@ -38,16 +38,16 @@ class Rims:
         self.moved = set[int]()
 
     def pieces_around(self, face: TrimmedFace) -> set[int]:
-        """Rims at sharp corners along the outline of a face."""
+        """Edges of walls (rims) at sharp corners, on the outline of a face."""
         return self.pieces & _edges_of_face(face)
 
     def seams(self, face: TrimmedFace, curves: Mapping[int, Floats]) -> dict[int, Floats]:
-        """Curves along the outline of a face that are not rims."""
+        """Select the curves along the outline of a face that are not edges of walls."""
         around = _edges_of_face(face)
         return {e: poles for e, poles in curves.items() if e in around and e not in self.rims}
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
-        """Return the changes that move the rims at sharp corners of a face onto the face; None without such rims.
+        """Return the changes that move walls' edges (rims) at sharp corners onto a face; None if no rim can move.
         on_seams : True if the face contains the seams at its corners; then rims that meet these seams can also move."""
         nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # heights at 4 places determine a cubic
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
@@ -97,20 +97,20 @@ INNER_SHARE = 6 / 7
 """Smallest radius of a fillet on the inner skin, as a fraction of the radius on the outer skin.
 Edges on the inner skin are shorter at openings, so large fillets do not fit there."""
 
-TEST_PLACES = np.linspace(0, 1, 33)  # parameters where an edge is compared with a surface, or cut
+TEST_PLACES = np.linspace(0, 1, 33)  # parameters of the samples along an edge
 
 FLUSH_TOLERANCE = 1e-6
 """Largest distance (mm) of an edge at a sharp corner from its surface. With 5e-7 OCCT makes all fillets of a dome."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
-"""Basis at places where a surface must not move. Without them, a surface of a sphere of 2 m moved by 1.4 mm."""
+"""Basis at places where a surface must not move. Without these places, the surface of a 2 m sphere moved by 1.4 mm."""
 
-MOVED = 1 / 400  # largest movement of the inside of a face / thickness
+MOVED = 1 / 400  # largest movement of points inside a face / thickness
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Cut edges near sharp corners beside trimmed faces, and move these faces exactly onto the pieces at the corners.
-    If a face cannot move within the limits `SPLIT` and `MOVED`, the edges of its walls move onto the face instead.
+    """Cut edges near sharp corners beside trimmed faces, and fit each face exactly to its edges at the corners.
+    If a face would move by more than `SPLIT` or `MOVED`, the edges of its walls move onto the face instead.
     These edges move by at most `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
@@ -150,7 +150,7 @@ def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, F
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """Return a face with rims moved onto it; None if a rim would move by more than `SPLIT`, or gaps would be wider."""
+    """Return a face with edges of walls moved onto it; None if an edge moves by over `SPLIT`, or gaps get too wide."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:
@@ -169,16 +169,16 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return the places where an edge is cut, beyond the fillets at its ends, as fractions of the edge's length.
+    """Return where to cut an edge, so that fillets fit at its ends: fractions of the edge's length.
     halves : length of the fillet at each end, divided by its radius."""
-    shortest_cut = 0.1  # a cut part is longer than this fraction of the edge
+    shortest_cut = 0.1  # each part of a cut edge is longer than this fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
     for end, half in enumerate(halves):
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             limits = zip((radius * half, INNER_SHARE * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1: the edge is too short
+            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 for a short edge
             if x > 1 - shortest_cut:
                 return []
             shares.append(1 - x if end else x)
@@ -187,7 +187,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
 
 
 def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Floats]) -> TrimmedFace:
-    """Return a face that contains the curves with poles (4, 6) in `held_curves`; the old face if that fails."""
+    """Return a face fitted exactly to `held_curves`: edge -> poles (4, 6); the old face if that fails."""
     curves = [held_curves[e] for e in sorted({e for loop in face.loops for e, _ in loop} & held_curves.keys())]
     if not curves:
         return face
@@ -207,13 +207,13 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Return the poles of a surface through points; None if that fails. points : four groups (k, 3).
-    The surface passes through group 1, within `FLUSH_TOLERANCE` of group 2 (test points), within `SPLIT` of group 3
-    (on all edges), and moves by at most `largest_move` at group 4 (inside points)."""
-    hopeless = 20.0  # the search ends if, after three degrees, a residual / its limit is larger
+    """Return the poles of a surface refitted through points; None if that fails. points : four groups (k, 3).
+    The surface passes through group 1, within `FLUSH_TOLERANCE` of group 2 (test points), and within `SPLIT` of
+    group 3 (all edges). At group 4 (inside points), it moves by at most `largest_move`."""
+    hopeless = 20.0  # the search ends after three degrees if a residual is this many times larger than its limit
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; OCCT ignores gaps up to twice this, but rounded poles widen the gap
-    weights = (1.0, 1e-2), (0.1, 1e-4)  # weights of the old surface and of smoothness, by trial
+    weights = (1.0, 1e-2), (0.1, 1e-4)  # two trials; weights that keep the old surface, and that make changes smooth
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
     heights.append(height_rows(parameters[3], len(poles) - 1) @ local[..., 2].ravel())
@@ -239,9 +239,9 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return the movements (k,) of pole heights that put a surface onto the first group of points and near the third.
+    """Return movements (k,) of pole heights, so that a surface passes through group 1 of points, and near group 3.
     rows : basis (., k) at the points of each group.    distances : distances of these points from the surface."""
-    held_weight, move_weight = 1e6, 1e-4  # weights of the first group and of the movement; the third group has weight 1
+    held_weight, move_weight = 1e6, 1e-4  # weights of points of group 1 and of pole movements; group 3 has weight 1
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])

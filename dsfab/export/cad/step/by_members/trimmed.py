@@ -58,16 +58,16 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two of the `ways` (k, 2), right-handed: sides of the parallelogram that extends least beyond `box`.
+        """Return two right-handed directions of `ways` (k, 2): their parallelogram extends least beyond `box`.
         A quadratic surface that is fitted to all points gives the heights of the parallelogram's corners."""
-        least_sine = 1 / 4  # with smaller angles of the parallelogram, surfaces are folded where they bend
+        least_sine = 1 / 4  # in a parallelogram with smaller angles, a bent surface would have folds
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
         ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # a closed edge has no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         leftwards = places_in_plane @ turned
-        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) range of distances to the left
+        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) range of the points across each way
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
         i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
@@ -103,22 +103,22 @@ A cut part has other points, where the gap may be wider. OCCT then allows at mos
 (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points in two groups of trials; inner points have weight 1. The smaller weight is for wide gaps."""
+"""Weights of edge points in trial fits of a face; inner points have weight 1. The smaller weight is tried last."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of second differences of the poles' movements, in two groups of trials.
-They keep poles far from all points in place, so that OCCT's bounding box does not grow."""
+"""Weights of smooth pole movements (second differences) in trial fits; the smaller weight is for later trials.
+Smoothness keeps poles far from all points in place, so that OCCT's bounding box does not grow."""
 
 BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Weight of edges, weight of second differences, and degree of each trial, in order. A narrow gap ends the trials."""
+"""Trial fits of a face: weight of edges, weight of second differences, degree. They end once the gap is narrow."""
 
 FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
     *((EDGE_WEIGHTS[1], SMOOTH_WEIGHTS[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
-"""Trials after the usual ones, until one has a gap below `SPLIT`."""
+"""Trial fits after `USUAL_TRIALS`, until the gap of one fit is below `SPLIT`."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
 """Axes (t, 2, 2) of the rectangles that are tried around a region."""
@@ -135,8 +135,8 @@ class TrimmedFace:
     loops : loops of edges, the outer loop first.    outer, inner : poles (p + 1, p + 1, 3), mm.
     axes  : (3, 3) for each surface: two axes of its plane, and the direction of its heights.
     gap   : widest gap at the edges, mm.    off : largest distance of inner points along the mean normal, mm.
-    exact : True if the surfaces run exactly, or nearly, through edges. The file then has all digits of the poles.
-    astray : largest distance from the mesh minus allowed distance, mm; -inf if no limit is set."""
+    exact : True if edges lie exactly, or nearly, on the surfaces. The file then has all digits of the poles.
+    astray : largest (distance from the mesh - allowed distance), mm; -inf if no distance is set."""
 
     loops: list[ChainLoop]
     outer: Floats
@@ -149,7 +149,7 @@ class TrimmedFace:
 
     @property
     def skins(self) -> tuple[tuple[Floats, Floats, slice], ...]:
-        """Poles and axes of each surface, and the slice of its skin in points (k, 6)."""
+        """For each skin: poles and axes of its surface, and the columns of its points in (k, 6), as a slice."""
         return (self.outer, self.axes[0], slice(3)), (self.inner, self.axes[1], slice(3, 6))
 
     def gaps(self, points: Floats) -> Floats:
@@ -160,7 +160,7 @@ class TrimmedFace:
 def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
-    """Fit the faces of a region with inner points (k, 6); raises ExportError if the region overlaps in its mean plane.
+    """Fit a face on each skin to a region. points : (k, 6) inside. Raises ExportError if a single surface cannot fit.
     part : True if the points belong to a larger region; then only points inside the edges are used."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
@@ -193,7 +193,7 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 def inside_of(line: Floats) -> Floats:
     """Return (k, d) points inside an outline (n, d) at which the movement of a surface is measured."""
-    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # fractions from the middle to the line
+    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # fractions of the way to the outline
     return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
@@ -239,8 +239,8 @@ def height_surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
     """Fit a surface to inner points (k, 3) and edges (j, 3); return poles, axes, gap, and distance from inner points.
-    The surface covers a rectangle in its mean plane, or a parallelogram along two of the chords `ways` (c, 3) if poles
-    leave the box."""
+    The surface covers a rectangle in its mean plane. If poles leave `limits.box`, a parallelogram is tried instead.
+    The sides of the parallelogram are parallel to two of the chords `ways` (c, 3)."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -254,7 +254,7 @@ def height_surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    high = 2.0  # the degree rises if a pole is farther above or below all points than this * `limits.off`
+    high = 2.0  # the degree rises if a pole is more than 2 * `limits.off` above or below all points
     z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
         z = raised_poles(z, BASE_DEGREE + 1)
@@ -268,7 +268,7 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """Return the distances (k,) in mm of a closed line (k, 6) from a surface fitted to it and to inner points (j, 6).
-    A distance is the larger one of both skins, or infinite if the region overlaps in its mean plane."""
+    Of the distances on the two skins, the larger counts. All are infinite if the region bends too much."""
     return np.maximum(*misfits(points, line, degree))
 
 
@@ -293,8 +293,8 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
     """Rotate axes (3, 3) about the last axis if this makes the rectangle around a line (k, 3) much smaller.
-    In a smaller rectangle, fewer poles are far from all points."""
-    least_gain = 3 / 4  # axes rotate only if the rectangle's area falls below this fraction
+    A smaller rectangle has fewer poles in empty corners, far from all points."""
+    least_gain = 3 / 4  # axes rotate only if area of the new rectangle / area of the old rectangle is smaller
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))
@@ -309,8 +309,8 @@ def _base_poles(over: FaceDomain) -> Floats:
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Fit a surface to the points of a domain. Return the heights of its poles, and its largest distances from points
     of edges and from inner points. Low degrees come first, because high degrees have waves between points.
-    The first fit within both `limits` is chosen. If there is none, a fit with a gap of at most `SPLIT` is chosen: the
-    one nearest to the inner points. If there is none either, the fit with the smallest sum of distances is chosen."""
+    The first fit within both `limits` is chosen. Otherwise, the fit nearest to the inner points is chosen among fits
+    with gaps of at most `SPLIT`. If all gaps are wider, the fit with the smallest sum of distances is chosen."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):
@@ -328,7 +328,7 @@ def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """Fit pole heights (p + 1, p + 1) to heights z (k,); the change from `base` is smooth. A : basis (k, (p + 1)^2)."""
+    """Fit pole heights (p + 1, p + 1) to heights z (k,). Changes of `base` are smooth. A : basis (k, (p + 1)^2)."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())

@@ -1,4 +1,4 @@
-"""Corrections of trimmed faces that leave the skins, or that have the widest gap at an edge between OCCT's samples."""
+"""Corrections of trimmed faces: distances from the skins, and gaps at edges that are widest between OCCT's samples."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,10 +34,10 @@ def without_strays(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
-    """Fit faces again, with more points, if they are too far from the skins between their points.
+    """Fit faces again, with more points, if they are too far from the skins.
     points : (k, 6) that each face was fitted to.    away : function of points; returns the vectors to both skins.
-    If the distance from the mesh is limited, faces do not change, because `divided_faces` then divides them."""
-    rounds = 2  # a correction may move the face off the skins in another place
+    If the distance from the mesh is limited, no face changes: `divided_faces` divides these faces later."""
+    rounds = 2  # a face that is corrected in one place may leave the skins in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
         if not todo:
@@ -58,7 +58,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return, for each face, points (k, 6) on the skins at its samples; none if all are within `tolerance`."""
+    """Return, for each face, points (k, 6) on both skins near samples of the face; none if it is within `tolerance`."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -79,7 +79,7 @@ SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a s
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """Move the widest gap of each seam that ends at an outline to a point where OCCT measures gaps.
+    """Change faces so that the gap along each seam at an outline is widest at a point where OCCT measures gaps.
     A face does not change if its widest gap, or the movement of its inside, would then be larger than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
@@ -90,9 +90,9 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Return a face whose widest gaps lie at OCCT's points, if possible.
-    exact_poles : poles of the curve on which an exact face must stay, by edge."""
-    fine = 5e-4  # gap (mm) below which poles keep all digits
+    """Return a face whose gaps along seams are widest at points where OCCT measures gaps, if possible.
+    exact_poles : dict: edge -> poles of the curve that an exact face must contain."""
+    fine = 5e-4  # mm; if an edge has a smaller gap, the poles of its face are written with all digits
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
@@ -113,7 +113,7 @@ def _with_peaks(
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
     """One surface of a face: poles (p + 1, p + 1, 3), axes (3, 3), and points in mm.
-    seams : (e, k, 3) along seams.  held : (h, 6, 3) along edges that may be exact.  edges : (j, 3) along all edges."""
+    seams : (e, k, 3) along seams.  edges : (j, 3) along all edges.  held : (h, 6, 3) along edges that may lie on it."""
 
     poles: Floats
     axes: Floats
@@ -122,7 +122,7 @@ class _PeakSurface:
     edges: Floats
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return poles with which as many seams as possible have their widest gap at one of OCCT's samples.
+        """Return poles of a surface whose gaps along seams are widest at OCCT's samples, for as many seams as possible.
         Low degrees are preferred. exact : True if exact edges must stay exact."""
         more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
@@ -141,9 +141,9 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Return, for each round, heights of poles and the number of seams whose widest gap is not at a sample."""
-        rounds = 6  # widest gaps move in at most 6 rounds
-        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of widest gaps, second differences, moves; edge points weigh 1
+        """Return, for each round, pole heights and the number of seams with the widest gap between OCCT's samples."""
+        rounds = 6  # largest number of rounds; in each round, the poles move
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights: widest gap, smooth and small pole movement; edge points: 1
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -183,7 +183,7 @@ class _PeakSurface:
         return rows_at(self._places(self.seams + ways[:, None, None]))
 
     def _seam_rows(self, degree: int) -> Floats:
-        """(3, e, k, poles) basis at points of seams, and at points a small step from these along each axis."""
+        """(3, e, k, poles) basis at points of seams, and at points moved by `SLOPE_STEP` along axis 0 and axis 1."""
         return self._step_rows(degree).reshape(3, *self.seams.shape[:2], -1)
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
@@ -192,7 +192,7 @@ class _PeakSurface:
         return (self.seams @ self.axes[2] - heights) * cosines, cosines
 
     def _misplaced(self, gaps: Floats) -> Bools:
-        """Return (e,) True if the widest gap of a seam lies between two of OCCT's samples."""
+        """Return (e,) True for seams whose widest gap lies between two points where OCCT measures gaps."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
         short = 3e-6  # largest (widest gap - gap at the samples) / widest gap; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
@@ -209,15 +209,15 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the number of the sample nearest to the widest of gaps (k,), and the wanted gap there (0: any gap)."""
-    higher = 1.003  # in later rounds, the gap at the sample must become the widest
+    """Return the index of OCCT's sample nearest to the widest of gaps (k,), and the wanted gap there; 0 for any gap."""
+    higher = 1.003  # in later rounds, wanted gap at OCCT's sample / widest gap of the round before
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return equations for the gaps at samples: rows (j, poles) and right sides (j,).
-    Inside a seam, the derivative of the gap along the seam must be zero at the sample."""
+    """Return linear equations for poles, so that gaps of seams are widest at OCCT's samples: (j, poles) and (j,).
+    At a sample inside a seam, the derivative of the gap along the seam must be zero."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative from five consecutive gaps
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

@@ -1,4 +1,4 @@
-"""Division of trimmed regions by chords and seams where the surface misses the edges or the mesh."""
+"""Division of trimmed regions by seams, if the surface of a region is too far from the edges or from the mesh."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,20 +27,20 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-TRIED = 24  # largest number of tried chords; half of them begin where the gap is widest
+TRIED = 24  # largest number of tried chords across a region; half of them begin where its surface has wide gaps
 POINTS = 8  # number of points of the outline along half an edge
 
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
-    """Outline of a region, with its edges halved. A place is the start of a half, and has the number of this half.
+    """Outline of a region, with each edge cut into halves. A place is the start of a half edge, given by its number.
     poles : (2 e, 4, 6) consecutive cubics, two for each edge of the loop."""
 
     poles: Floats
 
     @classmethod
     def from_loop(cls, model: NetModel, loop: ChainLoop) -> "HalvedOutline":
-        """Halve the e steps of a loop."""
+        """Return the outline along a loop of e edges, with each edge cut into halves."""
         step_poles = np.stack([model.poles(step) for step in loop])
         start, end = np.tile([0.0, 0.5], len(loop)), np.tile([0.5, 1.0], len(loop))
         poles = parts_of(np.repeat(step_poles, 2, axis=0), start, end)
@@ -49,7 +49,7 @@ class HalvedOutline:
 
     @cached_property
     def line(self) -> Floats:
-        """(2 e POINTS, 6) points along the outline, from its first place."""
+        """(2 e POINTS, 6) points along the outline, from the start of its first edge."""
         return np.asarray(bernstein(np.arange(POINTS) / POINTS) @ self.poles).reshape(-1, 6)
 
     def part(self, a: int, b: int, seam: Floats) -> Floats:
@@ -59,9 +59,9 @@ class HalvedOutline:
         return np.concatenate([turned, back.reshape(-1, 6)])
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
-        """Yield pairs of places, the smaller first, whose chord lies inside the outline and not close to it.
+        """Yield pairs of places (starts of half edges), the smaller first, whose chord lies well inside the outline.
         The chords at the `worst` places (k,) are the first group, all others the second group.
-        Each group has at most `times * TRIED / 2` chords, sorted by length of the chord / smaller area beside it."""
+        Each group has at most `times * TRIED / 2` chords, sorted by length / area of the smaller part."""
         least_width = 1 / 20  # smallest width of a part / thickness; OCCT fails on narrower parts
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
@@ -72,7 +72,7 @@ class HalvedOutline:
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
         narrow = least_width * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
-        order = order[least[order] > narrow * long[order]]  # a chord outside the outline cuts off a negative area
+        order = order[least[order] > narrow * long[order]]  # the area beside a chord is negative outside the outline
         is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for group in (order[is_near], order[~is_near]):
             clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
@@ -90,18 +90,18 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     return bool((apart >= clear * np.minimum(shares, 1 - shares) * np.linalg.norm(b - a)).all())
 
 
-TRIAL_DEGREE = 6  # degree of the trial surfaces by which seams are compared
+TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare possible seams
 
 TIMES = 3
 """Largest multiple of the usual number of seams. More seams are tried if parts still exceed a limit."""
 
 OUT, OFF = 1 / 150, 2.0
-"""Limits of a face that is not divided: distance of poles outside the box / diagonal of the box, and distance of inner
-points / `limits.off`."""
+"""Limits of a face that need not be divided. OUT : distance of poles outside the box / diagonal of the box.
+OFF : distance of the face from inner points / `limits.off`."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
-"""Numbers of cubics that are tried for a seam, and largest distance of a seam from the skins / `limits.off`.
-If the distance from the mesh is limited, a seam has only one cubic, as OCCT fails beside seams of several cubics."""
+"""Numbers of cubics that are tried for a seam; largest distance of the seam from the skins, divided by `limits.off`.
+If the distance from the mesh is limited, a seam is one cubic: OCCT then fails beside seams of several cubics."""
 
 
 def divided_faces(
@@ -123,16 +123,16 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest of a face's ratios value / limit: for its gap, and its distances from points, box and mesh."""
+    """Return the largest ratio value / limit of a face: gap, distances from points and mesh, poles outside the box."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
-    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles add their own distance
+    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # + distance of OCCT's triangles from the face
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
 class FaceDivision:
-    """Division of regions of a model, one after another. away, limits : see `divided_faces`.
-    halves : the two new edges of each halved edge.    times : multiple of the usual number of tried seams."""
+    """Division of several regions of a model. away, limits : see `divided_faces`.
+    halves : the two new edges of each halved edge.    times : number of tried seams / usual number."""
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.model, self.away, self.limits = model, away, limits
@@ -140,7 +140,7 @@ class FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face with inner points (k, 6); more seams are tried if the distance from the mesh is limited."""
+        """Divide a face. points : (k, 6) inside it. More seams are tried if the distance from the mesh is limited."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -162,7 +162,7 @@ class FaceDivision:
         return finished
 
     def over_halves(self, loop: ChainLoop) -> ChainLoop:
-        """Return a loop with two steps for each halved edge."""
+        """Return a loop in which two new edges replace each halved edge."""
         steps: ChainLoop = []
         for e, ahead in loop:
             two = self.halves.get(e, ())[:: 1 if ahead else -1]
@@ -170,8 +170,8 @@ class FaceDivision:
         return steps
 
     def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face with inner points (k, 6) by the first seam that makes both parts better, or by the best one."""
-        less = 0.9  # largest `allowance_used` of the worse part / that of the whole face
+        """Divide a face with inner points (k, 6) by the first (`times` = 1) or best seam that improves both parts."""
+        less = 0.9  # largest `allowance_used` of the worse part / `allowance_used` of the whole face
         loop, model = self.over_halves(face.loops[0]), self.model  # an earlier division may have halved an edge
         best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
@@ -190,7 +190,7 @@ class FaceDivision:
         return self.part_faces(self.seam_loops(loop, *best_seam), points) if best_seam else []
 
     def part_faces(self, loops: Iterable[ChainLoop], points: Floats) -> list[TrimmedFace]:
-        """Fit the faces of parts with inner points (k, 6); [] if a part has no face."""
+        """Fit a face to each part of a region. points : (k, 6) inside the region. Returns [] if a fit fails."""
         try:
             two = {i: trimmed_face(self.model, [loop], points, self.limits, True) for i, loop in enumerate(loops)}
         except ExportError:
@@ -198,8 +198,8 @@ class FaceDivision:
         return list(without_strays(self.model, two, dict.fromkeys(two, points), self.away, self.limits).values())
 
     def seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
-        """Return the best seams, each with the places of its ends on the outline and its cubics (c, 4, 6)."""
-        full = 3  # faces are built for the best three seams
+        """Return the best seams across a region: the places of both ends on its outline, and the cubics (c, 4, 6)."""
+        full = 3  # number of possible seams, with the smallest errors, for which faces are built
         many = 2000  # trials use about 2000 points of up to ten thousand
         at_gap = 4  # half of the tried seams begin at the four places with the widest gaps
         points = points[:: 1 + len(points) // many]
@@ -216,7 +216,7 @@ class FaceDivision:
         return [(pairs[i], seams[i]) for i in np.argsort(errors, kind="stable").tolist()[:limit]]
 
     def chord_cubics(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
-        """Return cubics (k, 4, 6) on the skins between the two points (6,) of each chord."""
+        """Return cubics (k, 4, 6) on both skins between the ends of each chord. An end is a pair of points (6,)."""
         checks = 8  # the distance of each cubic from the skins is measured at 8 places
         result, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
         for count in CUBIC_COUNTS[:1] if self.limits.beyond_mesh else CUBIC_COUNTS:
@@ -280,7 +280,7 @@ class FaceDivision:
 
 
 def worst_misfit(points: Floats, lines: Iterable[Floats], least: float) -> float:
-    """Return the largest distance (mm) of `misfit` for closed lines (k, 6); infinite if it is at least `least`."""
+    """Return the largest distance (mm) that `misfit` finds for closed lines (k, 6); infinity if it reaches `least`."""
     worst = 0.0
     for line in lines:
         for distances in misfits(points, line, TRIAL_DEGREE):

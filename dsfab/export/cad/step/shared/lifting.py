@@ -30,7 +30,7 @@ def crease_edges(surface: Surface) -> Bools:
     crease = np.zeros(len(bend), dtype=bool)
     for _ in range(2):  # the second round finds creases at faces with two sharp edges
         rest = np.where(crease | ~inner, 0.0, bend)
-        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) larger bend of the two other edges
+        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) larger bend of the face's other edges
         around = np.zeros(len(bend))
         np.maximum.at(around, edges.of, sharper_other)
         crease |= inner & (bend >= np.maximum(LEAST_BEND, BEND_RATIO * around))
@@ -46,8 +46,8 @@ def crease_edges(surface: Surface) -> Bools:
 
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
-    """Extend creases straight from their ends; return (e,) True for their edges.
-    Each edge of an extension must bend far more than one other edge of its face. The third edge may be a crease."""
+    """Extend creases straight from their ends; return (e,) True for all edges of creases.
+    In each of its faces, an edge of an extension must bend far more than at least one edge beside it."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
@@ -73,7 +73,7 @@ class CreaseSides:
     creases : (k, 2) edges, sorted, the smaller vertex number first.
     vertex  : (s,) vertex of each column.    corner : (m, 3) column of each face's corners.
     normals : (s, 3) normal of each column.  half   : (s,) half the thickness, as in `DenseSurface`.
-    mitre   : (s, 3) vector, m, from the end of `half` along the normal to the point where both skins meet."""
+    mitre   : (s, 3) vector, m; half * normal + mitre leads to the point where the skins of all sides meet."""
 
     surface: Surface
     creases: Ints
@@ -85,7 +85,7 @@ class CreaseSides:
 
     @classmethod
     def from_skins(cls, skins: DenseSurface) -> "CreaseSides":
-        """Return the sides of a surface with skins."""
+        """Find the creases of a surface, and copy each crease vertex for each side of the crease."""
         surface, crease = skins.surface, crease_edges(skins.surface)
         vertex, creases = np.arange(surface.n), surface.edges.ends[crease]
         if not len(creases):
@@ -105,7 +105,7 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Return barycentric weights (k, n) as two matrices (k, s) for the columns: one for each side of a crease."""
+        """Convert barycentric weights (k, n) to two matrices (k, s). At a crease, each matrix is for one side."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -136,7 +136,7 @@ class CreaseSides:
         return row, np.isin(row, row[split[weights.indices] & real]) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return (count, 2) faces with all vertices of each row: both faces at an edge, or one face twice; or -1."""
+        """Return two faces (count, 2) that contain all vertices of each row: equal if there is only one; -1 if none."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -229,13 +229,13 @@ def _positions_of(numbers: Ints, sought: Ints) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Lifting:
-    """Uncut surface with its skins, see `DenseSurface`, onto which points of the mesh are lifted."""
+    """Mapping of mesh points to the two skins (outer and inner side) of the uncut surface, see `DenseSurface`."""
 
     skins: DenseSurface
 
     @classmethod
     def from_sheet(cls, surface: Surface, curved: Curved) -> "Lifting":
-        """Return the lifting for the surface that a sheet was cut from."""
+        """Return the mapping for the uncut surface of a sheet."""
         return cls(dense_surface(surface, curved))
 
     def points(self, weights: csr_array) -> Floats:
@@ -246,7 +246,7 @@ class Lifting:
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Replace points beside a crease that are in no face by the nearest points in a face, whose side is known."""
+        """Move points beside a crease that lie in no face to the nearest face, which is on one side of the crease."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights
@@ -275,7 +275,7 @@ class Lifting:
         """Return (k, 6) vectors from point pairs (k, 6) to both skins, across the sheet at the middle of each pair."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
-        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # beyond a seam both skins are exchanged
+        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # on a one-sided surface, skins may swap
         targets[is_flipped], across[is_flipped] = np.roll(targets[is_flipped], 3, axis=1), -across[is_flipped]
         across = unit_vectors(across)
         vectors = [np.einsum("ki,ki->k", (targets - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]

@@ -88,7 +88,7 @@ class PieceJudge:
 
     @cached_property
     def solid(self) -> Ints:
-        """(p,) solid of the mesh for each piece: the solid of the nearest vertex."""
+        """(p,) solid of the mesh for each piece of the sheet. This solid has the vertex nearest to the piece."""
         sample_vertices = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
         return self.solids.solids_at((self.sheet.V + self.sheet.D)[sample_vertices])
 
@@ -101,7 +101,7 @@ class PieceJudge:
     def excess_volumes(self) -> Floats:
         """(p,) fraction by which each piece may have more volume than the mesh, whose edges are chords of a curve."""
         sheet = self.sheet
-        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the triangles are found twice as fast from a skin
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # a search from points on a skin is twice as fast
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
 
     def _sum(self, share: Floats) -> Floats:
@@ -126,7 +126,7 @@ class PieceJudge:
         """Return distances of the triangles V (n, 3), F (m, 3) from the triangles V2, F2, at corners and centres."""
         points = np.concatenate([V[corners_of(F, np.ones(len(F), dtype=bool), len(V))], V[F].mean(axis=1)])
         away = nearest_places(points, V2, F2).distance
-        far_points = points[away > self.limits.distance]  # nearer points need no local limit
+        far_points = points[away > self.limits.distance]  # points within `distance` are allowed everywhere
         if not len(far_points):
             return MeshDistances(float(away.max()), float(away.max()), self.limits.distance, far_points)
         far_distances, allowed = away[away > self.limits.distance], self.limits.allowed_distances(far_points)
@@ -146,10 +146,10 @@ class SolidPlan:
 
     @cached_property
     def whole(self) -> SheetOutline:
-        """The sheet in a single chart."""
+        """Regions and outlines of the sheet, which is not divided into charts (smaller parts)."""
         return sheet_of(self.curved.divided(np.ones((self.surface.n, 1))), self.curved.shift)
 
     @cached_property
     def gate(self) -> PieceJudge:
-        """Judge that compares undivided pieces with the mesh."""
+        """Comparison of the sheet's separate pieces with the mesh."""
         return PieceJudge(self.solids, self.whole, self.limits)

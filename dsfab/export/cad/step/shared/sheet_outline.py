@@ -13,14 +13,14 @@ from dsfab.export.part import DividedSheet
 from dsfab.surface.topology import boundary_loops, edge_table, half_edges, pieces
 
 SHARP = np.deg2rad(35.0)  # smallest bend (radians) at a corner of a wall
-WALL = -1  # number in place of a chart, where a wall ends the chart
+WALL = -1  # number of the neighbouring chart where the sheet ends at a wall
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineRun:
-    """Part of an outline.
-    vertices : (k,) in order, with the material on their left.    beyond : chart on the other side, or `WALL`.
-    width    : twice the area of the loop / its length, mm: the radius of a circle, or the width of a slit."""
+    """Part of the outline of a chart (a part of the sheet).
+    vertices : (k,) in order, with the material on their left.    beyond : number of the next chart, or `WALL`.
+    width    : twice the area of the loop / its length, mm. It is the width of a slit, or the radius of a circle."""
 
     vertices: Ints
     beyond: int
@@ -29,7 +29,7 @@ class OutlineRun:
 
 @dataclass(frozen=True, eq=False)
 class ChartRegion:
-    """Connected part of the sheet in one chart. Its loops consist of runs, in any order."""
+    """Connected part of the sheet in one chart. loops : its outlines in any order, each a sequence of `OutlineRun`."""
 
     chart: int
     piece: int
@@ -38,10 +38,10 @@ class ChartRegion:
 
 @dataclass(frozen=True, eq=False)
 class SheetOutline:
-    """Divided sheet in millimetres, with its regions.
+    """Sheet in millimetres, divided into charts. Regions are connected parts of charts.
     V, D    : (n, 3) vertices of the middle surface, and half-thickness vectors.
     F       : (m, 3) faces.    chart, piece : (m,) chart and piece of each face.
-    charts  : (v, 2) all pairs of a vertex and a chart around it, sorted."""
+    charts  : (v, 2) all pairs of a vertex and a chart that contains this vertex, sorted."""
 
     V: Floats
     D: Floats
@@ -77,7 +77,7 @@ def _middle(sheet: DividedSheet, shift: int) -> tuple[Floats, Floats]:
 
 
 def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
-    """Return the regions of a sheet. shift : distance of the sheet's middle from its vertices / half the thickness."""
+    """Return the sheet's regions with their outlines. shift : offset of the sheet's middle, in half-thicknesses."""
     V, D, F = *_middle(sheet, shift), sheet.F
     table = edge_table(F)
     _, piece = pieces(F, table)
@@ -146,7 +146,7 @@ def loop_width(line: Floats, length: float) -> float:
 
 
 def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
-    """Return the positions in a loop where runs begin: at least two. Both sides of a seam get the same positions."""
+    """Return the positions where parts of a loop begin: at least two. Both sides of a seam get the same positions."""
     if len(starts) > 1:
         return starts
     start = int(starts[0]) if len(starts) else int(np.argmin(loop))

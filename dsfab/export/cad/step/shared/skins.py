@@ -1,4 +1,4 @@
-"""Smooth skins between mesh vertices, and the allowed distance of a solid from the mesh."""
+"""Smooth upper and lower skins of a sheet, and the allowed distance of a solid from the mesh."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,7 +16,7 @@ from dsfab.surface.topology import on_boundary
 
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
-    """Surface with its skins; its triangles may be divided. Fields are in metres, properties in mm.
+    """Surface with its skins; its triangles may be divided. `surface` and `half` are in metres, results in mm.
     half   : (n,) half the thickness of the faces.    shift, twins : as in `Curved`.
     parent : (m,) original face of each face."""
 
@@ -103,7 +103,7 @@ def chord_errors(skins: DenseSurface) -> Floats:
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
     """Return the (m,) fraction by which the smooth solid of each triangle is larger than the mesh's prism.
-    It is 4/3 of the change after each triangle is divided in four, because a quarter of the difference then remains."""
+    Division of each triangle in four removes 3/4 of the difference. So the difference is 4/3 of the change."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
     parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
@@ -135,7 +135,7 @@ MOST_CHORD = 1 / 4  # largest chord error / thickness; larger estimates occur at
 
 @dataclass(frozen=True, eq=False)
 class SmoothLimits:
-    """Thickness, and distance that the smooth solid may have from the mesh in addition to the mesh's chord error, mm.
+    """Thickness, and distance between smooth solid and mesh that is allowed beside the mesh's chord error, mm.
     V, F    : (n, 3) and (m, 3) triangles of both skins of the uncut surface.
     chord   : (m,) chord error of these triangles, mm.
     rounder : (m,) fraction by which the curved volume of each triangle may exceed the volume of the plane triangle."""
@@ -155,12 +155,12 @@ class SmoothLimits:
     @property
     def summary(self) -> str:
         """Allowed distances as a part of a sentence; at coarse triangles and creases larger distances are allowed."""
-        coarse = 2  # the message states the largest error if it is this many times the usual one
+        coarse = 2  # the message states the largest chord error if it exceeds twice the usual chord error
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
         is_coarse = largest > coarse * self.usual_chord and largest > self.distance
-        coarsest_text = f", {largest:.2g} mm where it is coarsest" if is_coarse else ""
-        return f"allowed are {self.distance:.2g} mm and the mesh's own chord error, {usual_text}{coarsest_text}"
+        coarsest_text = f", {largest:.2g} mm at the coarsest triangles" if is_coarse else ""
+        return f"allowed: {self.distance:.2g} mm plus the mesh's own chord error, {usual_text}{coarsest_text}"
 
     def allowed_distances(self, points: Floats) -> Floats:
         """(k,) allowed distances of points (k, 3), with the chord error of the triangle nearest to each point."""

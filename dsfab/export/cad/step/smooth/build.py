@@ -70,9 +70,9 @@ def all_verdicts(
 def piece_verdict(
     gate: PieceJudge, k: int, piece: SmoothPiece, finding: OcctFinding | None, away: tuple[MeshDistances, MeshDistances]
 ) -> Acceptance:
-    """Judge piece k. away : distances of piece from mesh, and of mesh from piece."""
+    """Judge piece k of the sheet from OCCT's finding. away : distances from piece to mesh, and from mesh to piece."""
     if piece.refused or finding is None:
-        return Acceptance(piece.refused or "OCCT did not read it within the time limit")
+        return Acceptance(piece.refused or "OCCT did not read the smooth piece within the time limit")
     mesh_volume, gap, widest = gate.volumes[k], max(piece.gap, finding.gap), GAP_SHARE * gate.limits.thickness
     forth, back = away
     worst_way = max(away, key=lambda distances: distances.worst - distances.allowed)
@@ -84,7 +84,7 @@ def piece_verdict(
         (finding.faces == piece.faces, f"OCCT reads {finding.faces} faces instead of {piece.faces}"),
         (finding.tessellates, "OCCT makes no triangles of a face"),
         (gap <= widest, f"a gap of {gap:.3g} mm is wider than {widest:.3g} mm"),
-        (is_near, f"it is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"),
+        (is_near, f"a smooth piece is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"),
         (is_kept, f"its volume is off by {finding.volume / mesh_volume - 1:.1%}"),
     )
     reason = next((text for passed, text in tests if not passed), "")
@@ -122,7 +122,7 @@ MOST_WALLS = 1500  # largest number of walls without a request for a smooth file
 
 @dataclass(frozen=True, eq=False)
 class SmoothSolid:
-    """Pieces of a layout with their judge and builder. asked : numbers of the pieces that this layout must build."""
+    """Pieces of the sheet for one layout of charts. gate : judge of the pieces.    asked : pieces to build."""
 
     gate: PieceJudge
     builder: PieceBuilder
@@ -131,7 +131,7 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Plan for a part's smooth file; raises ExportError if the sheet is unknown, or has many walls (unless asked)."""
+    """Plan for a part's smooth STEP file; raises ExportError for an unknown sheet, or too many walls (`hurry`)."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -153,7 +153,7 @@ class SmoothPlan(SolidPlan):
         The first layout is for open sheets only, because its charts become too steep on a closed surface."""
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
-        outlines = 40  # outlines per chart; OCCT's time grows with the square of their number
+        outlines = 40  # outlines per chart (part of the sheet); OCCT's time grows with the square of their number
         settings = LAYOUTS if self.surface.edges.boundary.any() else LAYOUTS[1:]
         seen = set[bytes]()
         for lean, fewest, start in settings:
@@ -165,8 +165,8 @@ class SmoothPlan(SolidPlan):
             seen.add(chart)
 
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
-        """Build the pieces of all solids that are not finished, in a layout of fields (n, c).
-        If there is only one solid, raises ExportError at its first failed chart, because further charts take long."""
+        """Build the pieces of all solids that are not finished, in the charts of fields (n, c), see `layouts`.
+        Raises ExportError if a chart of the only solid fails, because this solid is lost and other charts take long."""
         atlas = ChartAtlas(self.surface, self.curved, fields, FIT_SHARE * self.limits.distance)
         needed = set[int]()
 
@@ -194,7 +194,7 @@ class SmoothPlan(SolidPlan):
         return SmoothSolid(gate, builder, model, requested)
 
     def unfinished_vertices(self, finished: Collection[int]) -> Ints:
-        """Return the vertices (k,) around solids that are not finished."""
+        """Return the vertices (k,) of the surface at solids that are not in `finished`, and next to these solids."""
         is_unfinished = np.isin(self.whole.piece, _unfinished_pieces(self.gate, finished))
         points = self.whole.V[np.unique(self.whole.F[is_unfinished])]
         marks = np.zeros(self.surface.n, dtype=bool)
@@ -207,7 +207,7 @@ def _unfinished_pieces(gate: PieceJudge, finished: Collection[int]) -> list[int]
 
 
 REFITS = 2  # refused pieces are built again with tighter curves up to two times
-CLOSEST = len(LEVEL_FACTORS) - 1  # highest level of tighter curves, see `LEVEL_FACTORS`
+CLOSEST = len(LEVEL_FACTORS) - 1  # highest level; curves of a higher level have a smaller tolerance
 
 
 class _AcceptedPiece(NamedTuple):
@@ -218,12 +218,12 @@ class _AcceptedPiece(NamedTuple):
 
 @derived
 def smooth_file(part: Part) -> SmoothPieceFile:
-    """Return the smooth file of a part, computed once for each part; raises ExportError if no piece can be smooth."""
+    """Return the smooth STEP file of a part, computed only once; raises ExportError if no piece is accepted."""
     return _SmoothSearch(part).search()
 
 
 def first_draft(part: Part) -> tuple[int, int]:
-    """Count faces and bytes of a part's first, unchecked smooth file; raises ExportError if the file has no piece."""
+    """Count faces and bytes of a part's first, unchecked smooth STEP file; raises ExportError if no piece is built."""
     plan = SmoothPlan(part)
     with one_blas_thread():
         model = plan.build(next(plan.layouts())).model
@@ -236,14 +236,14 @@ def first_draft(part: Part) -> tuple[int, int]:
 class _SmoothSearch:
     def __init__(self, part: Part) -> None:
         self.part, self.plan = part, SmoothPlan(part)
-        self.inspected, self.most = 0, 6000  # after 6000 faces (1 to 2 minutes of OCCT), no other layout is tried
+        self.inspected, self.most = 0, 6000  # after 6000 faces (1 to 2 minutes of OCCT), no other charts are tried
         self.taken, self.reason, self.pieces = list[_AcceptedPiece](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()
         self.last, self.text = list[tuple[SmoothModel, int]](), ""
 
     def search(self) -> SmoothPieceFile:
-        """Accept each solid in the first layout in which all its pieces pass; solids may use different layouts."""
+        """Try layouts of charts in turn. Accept each solid in the first layout in which all its pieces pass."""
         for turn, fields in enumerate(self.plan.layouts(), 1):
             try:
                 with ExitStack() as programs:
@@ -262,7 +262,7 @@ class _SmoothSearch:
         return self._file()
 
     def _judge_layout(self, programs: ExitStack, fields: Floats) -> None:
-        hopeless = 40  # with more refused places than this, refits do not help
+        hopeless = 40  # with more than 40 bad points, a new fit with tighter curves does not help
         program = programs.enter_context(occt())
         with one_blas_thread():  # several threads on two busy cores take ten times as long
             built = self.plan.build(fields, self.done)
@@ -319,7 +319,7 @@ class _SmoothSearch:
 
 
 def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floats) -> bool:
-    """Raise the level of the runs nearest to the `bad` points (k, 3), mm; return False if no level can rise."""
+    """Tighten the outline curves nearest to the `bad` points (k, 3), mm; return False if no curve can be tighter."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
     tree = cKDTree(np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)]))
@@ -331,7 +331,7 @@ def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floa
 
 
 def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) -> None:
-    """Rebuild a piece until no curve crosses, leaves a gap or leaves the mesh, or until no tighter fit is possible."""
+    """Rebuild a piece until its curves have no crossings or gaps and stay near the mesh, or no tighter fit exists."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]
@@ -343,9 +343,9 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """Return those (k, 3) of the mesh corners (n, 3) at walls that are too far from the piece's edges.
+    """Return the corners (k, 3) that are too far from the edges of the piece. corners : (n, 3) mesh corners at walls.
     This test is faster than a test of OCCT's triangles."""
-    chord_count, nearest_count = 64, 4  # chords of each edge; number of near chords compared with a corner
+    chord_count, nearest_count = 64, 4  # chords of each edge; number of chords whose distance from a corner is computed
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
     start, end = lines[:, :-1].reshape(-1, 3), lines[:, 1:].reshape(-1, 3)

@@ -14,8 +14,8 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)  # straight borders may move normals out of the cone by this angle
-REACH = 0.25  # length over which the fields of charts diffuse / radius of small charts
+CONE_SLACK = np.deg2rad(12.0)  # angle added to `cone`, because straight borders change the faces of charts
+REACH = 0.25  # diffusion length of the charts' fields, as a fraction of the radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",
@@ -24,7 +24,7 @@ SYMMETRIC: dict[str, Any] = {
 }
 """SuperLU options for symmetric matrices; the factors then have fewer entries."""
 
-SWEEPS = 4  # number of rounds of diffusion and choice of charts
+SWEEPS = 4  # number of rounds; a round diffuses the fields of charts, and gives each vertex to its largest field
 
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
@@ -38,8 +38,8 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """Return (m,) the cluster of each face. The normals of a cluster lie in a cone if `rounds` is large enough."""
-    rounds = 30  # at most 30 rounds add seeds of clusters
+    """Return (m,) the cluster of each face. If possible, normals are within `cone` of their cluster's mean."""
+    rounds = 30  # largest number of rounds that add clusters
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
     rng = np.random.default_rng(start)
@@ -64,7 +64,7 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 
 def _dual(surface: Surface) -> csr_array:
-    """Return the graph of distances between neighbouring faces. Bends make them longer, so that clusters end there."""
+    """Return the graph of distances between neighbouring faces. Bends add distance, so that clusters end at bends."""
     turn_cost = 0.2  # cost of an angle of one radian / square root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
@@ -101,7 +101,7 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
 
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
-    """Straighten the borders of charts. Divide charts that are too steep or not connected, and straighten again."""
+    """Straighten the borders of charts. Divide charts that bend too far or are not connected, and straighten again."""
     f, g = (surface.edges.pairs // 3).T
     for turn in range(5):
         fields = diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)

@@ -57,7 +57,7 @@ class SplinePatch:
         return np.asarray(np.einsum("kb,kbd->kd", hat, rows))
 
     def coordinates(self, begin: int, end: int) -> "SplinePatch":
-        """Return the surface of the coordinates from `begin` up to `end`."""
+        """Return the patch with only the coordinates `begin` to `end` - 1 of each pole."""
         return SplinePatch(self.u, self.v, self.poles[:, :, begin:end])
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
@@ -87,7 +87,7 @@ FIRST_POLES = 8.0  # number of poles of the first attempt: geometric mean of bot
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
     """Surface that was fitted to points.
-    off     : largest distance from the points for which the tolerance applies, mm.
+    off     : largest distance, mm, from the points `inside` (the tolerance applies only to these points).
     size    : geometric mean of the wanted numbers of poles in both directions.
     starved : True if the number of points limited the number of poles."""
 
@@ -148,7 +148,7 @@ def patch_through(
 @dataclass(frozen=True, eq=False)
 class _Cells:
     """Points sorted by knot cell, and the basis functions of the 16 poles around each cell.
-    One matrix product for each cell is faster than other sums, because points of one cell share poles.
+    Points of one cell share poles, so one matrix product for each cell gives fast sums.
     order : (k,) points, cell after cell.    start : first index of each cell in `order`.
     poles : (c, 16) poles of each cell.      hats  : (k, 16) values of the basis functions at the points of `order`."""
 
@@ -209,8 +209,8 @@ def _diagonal(table: Floats, below: int) -> Floats:
 
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
-"""Weights of points around a chart, where the skins must meet the next chart, and of boundary points.
-Boundary points have inexact normals. The tolerance applies to neither of these points."""
+"""Weights of points outside a chart, where its skins must meet the next chart, and of points on the sheet's boundary.
+Boundary points have inexact normals. The tolerance does not apply to points outside a chart or on the boundary."""
 
 FOLDED = 0.01
 """Largest fraction of a chart's faces that face away from its axis. Some faces of coarse meshes fold when divided."""
@@ -249,7 +249,7 @@ def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPo
     axes = _axes(V[core], (dense.surface.areas[faces, None] * normals)[touched].sum(axis=0))
     steepest = float(np.quantile(normals[touched] @ axes[2], FOLDED))
     if steepest <= 0:
-        raise ExportError("the sheet bends too sharply for charts")
+        raise ExportError("the sheet bends too sharply for smooth spline surfaces")
     ring = around & (normals @ axes[2] > 0.5 * steepest)
     ring_vertices, F = np.unique(F[ring], return_inverse=True)
     ends = edge_table(F.reshape(-1, 3)).ends
@@ -267,7 +267,7 @@ def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPo
 
 
 def mean_half_vectors(d: Floats, ends: Ints) -> Floats:
-    """Return (e, 3) mean directions of half vectors (n, 3) at both ends (e, 2) of edges, with their mean length."""
+    """Return (e, 3) means of half-thickness vectors (n, 3) at the ends (e, 2) of edges. They keep the mean length."""
     middle, length = end_means(d, ends), end_means(np.linalg.norm(d, axis=1), ends)
     return np.asarray(middle * (length / np.maximum(np.linalg.norm(middle, axis=1), 1e-300))[:, None])
 
@@ -294,7 +294,7 @@ class SkinChart:
     origin, axes : (3,) point of the plane, and (3, 3) axes: two axes in the plane, and its normal.
     upper, lower, middle : surfaces of both skins, and the surface half way between them.
     tolerance    : tolerance of the fit; larger on a coarse mesh.
-    steepest     : cosine of the angle to the plane that only 1 % of the faces exceed.
+    steepest     : cosine of an angle between faces and the plane; 1 % of the faces have a larger angle.
     off          : largest distance of a skin from its points."""
 
     origin: Floats
@@ -331,9 +331,9 @@ class ChartAtlas:
     def make(
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
-        """Fit the charts of these numbers and the charts that they are divided into.
+        """Fit the charts with the given numbers, or their parts if charts must be divided.
         hopeless : function of a failed chart's number; returns True if further charts are useless."""
-        useless = 3  # a chart fails if its error / tolerance is larger; OCCT checks all pieces later
+        useless = 3  # a chart fails if its error exceeds 3 times the tolerance; OCCT checks all pieces later
         fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:
@@ -363,7 +363,7 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a field (n,) that divides a chart that is too steep, along its steepest direction; otherwise None."""
+        """Return a field (n,) that divides a chart along its steepest direction; None if the chart is not too steep."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -374,7 +374,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # width of the part where the fields change / half the width of the chart
+        part_width = 0.25  # width of the strip where the two new fields change / width of the chart
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)
@@ -392,7 +392,7 @@ class ChartAtlas:
         return fields
 
     def chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
-        """Fit chart k with `first_poles` to `most_poles` poles on a side."""
+        """Fit spline surfaces to chart k, with about `first_poles` to `most_poles` poles in each direction."""
         of_chord = 0.3  # the tolerance includes this fraction of the mesh's chord error
         most_divisions = 2  # largest number of divisions of a coarse mesh
         F = self.surface.F

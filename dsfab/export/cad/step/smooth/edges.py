@@ -1,4 +1,4 @@
-"""Edges of smooth solids as curves on both skins: walls of the pattern, and seams between charts."""
+"""Edges of smooth solids, as curves on the upper and lower skins: at walls, and at seams between two charts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,11 +16,11 @@ from dsfab.export.splines import Fitted, Spline, even_samples, segment_spline, s
 
 @dataclass(eq=False)
 class OutlineNodes:
-    """Positions of outline vertices in the planes of their charts, and of ends of runs on both skins.
+    """Positions of outline vertices in the planes of their charts, and points on both skins at ends of runs.
     uv     : by chart, (n, 2) positions in its plane; nan for vertices outside of the chart.
     steep  : by chart, (n,) largest ratio of a length on the surface to its length in the plane; 1 or more.
     around : by vertex, its charts.
-    at     : by vertex, (2, 3) upper and lower point. Only for ends of runs and for vertices given to `add`.
+    at     : by vertex, (2, 3) points on both skins. Only for ends of runs and for vertices given to `add`.
     gap    : by vertex, largest distance of these two points from the skins of its charts."""
 
     charts: dict[int, SkinChart]
@@ -64,15 +64,15 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
     return nodes
 
 
-LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a run's tolerance after no, one and two refusals
+LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a run's tolerance: at first, after one refusal, after two refusals
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothEdge:
-    """Curves along a run of an outline.
+    """Curves along a part of an outline.
     start, end   : vertices of the sheet.
     upper, lower : cubics with equal knots, or lines.
-    flat         : by chart, the curve in the plane of the chart.
+    flat         : curve in the plane of each chart, by the number of the chart.
     gap          : largest distance between the curves in space and the curves on the skins, mm.
     wall         : True under a wall; False where two charts meet."""
 
@@ -86,7 +86,7 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Smallest power of two that, times any knot, gives a whole number; whole numbers are short in the file."""
+        """Smallest power of two whose product with each knot is a whole number; whole numbers are short in the file."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
@@ -100,19 +100,19 @@ class EdgeTolerances:
     chord: float
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
-        """Tolerance of the curve of a run in its plane."""
-        of_chord = 0.5  # the tolerance includes this fraction of the mesh's chord error
+        """Tolerance of the curve along `run` in the plane of its chart. level : number of earlier refusals."""
+        of_chord = 0.5  # fraction of the mesh's chord error that is added to the tolerance of an outline
         limit = min(OUTLINE_SHARE * self.distance + of_chord * self.chord, LOOP_SHARE * run.width)
         return LEVEL_FACTORS[level] * limit / steep
 
     def in_space(self, run: OutlineRun, level: int) -> float:
-        """Tolerance of the curves of a run in space."""
+        """Tolerance of the curves along `run` on the two skins."""
         share = 1 / 50  # largest tolerance / thickness
         return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
 
 class RunRequest(NamedTuple):
-    """A run in a chart, with the number of its refusals."""
+    """A run in a chart, and how often its curves were refused (level)."""
 
     run: OutlineRun
     chart: int
@@ -120,14 +120,14 @@ class RunRequest(NamedTuple):
 
 
 class RunPart(NamedTuple):
-    """A part of a run, and its curve in the plane of the chart."""
+    """Part of the `OutlineRun` of a request, and its curve in the plane of the chart."""
 
     asked: RunRequest
     flat: Spline
 
 
 def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[SmoothEdge]]:
-    """Fit the edges of all runs at once; return a list of edges for each run."""
+    """Fit the edges of all requests at once; return a list of edges for each request."""
     run_parts = flat_parts(requests, nodes, allowed)
     parts = [part for group in run_parts for part in group]
     nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
@@ -140,8 +140,8 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 
 
 def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
-    """Fit curves on both skins above curves in the plane, within `tolerances` (mm); return each curve and its largest
-    error. A wavy skin needs more samples."""
+    """Fit curves on the upper and lower skins, above the plane curves of `parts`, within `tolerances` (mm).
+    Return each curve and its largest error. A wavy skin needs more samples."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]
@@ -154,7 +154,7 @@ def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[floa
 
 
 def flat_parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[RunPart]]:
-    """Fit curves in the plane of the charts; a run that no curve follows within its tolerance has several parts."""
+    """Fit plane curves to the outlines of the requests. An outline is divided if no curve is within its tolerance."""
     lines = [nodes.uv[request.chart][request.run.vertices] for request in requests]
     results = {i: [RunPart(requests[i], segment_spline(*line))] for i, line in enumerate(lines) if len(line) == 2}
     curved_numbers = [i for i in range(len(requests)) if i not in results]
@@ -183,7 +183,7 @@ def _halves(request: RunRequest, line: Floats, worst: float) -> list[RunRequest]
 
 
 def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Floats], Floats]) -> list[Floats]:
-    """Apply a function of a chart and rows (k, d) to all rows, with one call for each chart."""
+    """Apply function(chart, rows) to the rows (k, d) of all charts, with one call for each chart."""
     results = dict[int, Floats]()
     for k in dict.fromkeys(charts):
         members = [i for i, chart in enumerate(charts) if chart == k]
@@ -193,7 +193,7 @@ def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Flo
 
 
 def parameters(curve: Spline, finer: int = 1) -> Floats:
-    """(k,) sample parameters in each span of a curve; finer : factor of their number."""
+    """(k,) sample parameters in each span of a curve. finer : factor of the number of samples."""
     return _parameters(curve.knots.tobytes(), finer)
 
 
@@ -208,7 +208,7 @@ def _parameters(knots: bytes, finer: int) -> Floats:
 def edge_on_nodes(
     run: OutlineRun, space: Spline, flat: dict[int, Spline], distance: float, nodes: OutlineNodes, wall: bool
 ) -> SmoothEdge:
-    """Return an edge whose curves end exactly at the nodes of its run."""
+    """Return the edge along `run`. The edge's curves end exactly at the nodes of the first and the last vertex."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     poles = space.poles.copy()
     node_points = np.concatenate([nodes.at[start].reshape(1, 6), nodes.at[end].reshape(1, 6)])
@@ -227,7 +227,7 @@ def seam_edges(
     requests: list[RunRequest], nodes: OutlineNodes, sheet: SheetOutline, allowed: EdgeTolerances
 ) -> list[SmoothEdge]:
     """Fit one curve for both charts of each seam, half way between their skins."""
-    of_edge = 0.05  # tolerance of a seam in space / length of mesh edges
+    of_edge = 0.05  # tolerance of a curve between two charts / length of the longest mesh edge along the curve
     of_thickness = 1 / 1000  # tolerance of a seam in each chart / thickness
     runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
     charts = [k for request in requests for k in (request.chart, request.run.beyond)]
@@ -269,7 +269,7 @@ def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
 
 
 def run_key(run: OutlineRun) -> tuple[RunKey, bool]:
-    """Return the key that both charts of a seam share, and True if this run has the direction of the key."""
+    """Return a key for a part of an outline, equal on both sides of a seam, and True if `run` has its direction."""
     v: Ints = run.vertices
     ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))
     back = (ahead[2], ahead[3], ahead[0], ahead[1])

@@ -44,8 +44,8 @@ from dsfab.export.splines import Spline, segment_spline
 
 @dataclass(frozen=True)
 class SmoothSkin:
-    """Both faces of a region: its chart, and its loops of edges, the outer loop first.
-    A step of a loop is the number of an edge, and True if the edge runs forwards."""
+    """Upper and lower face of a region: its chart, and its loops of edges, the outer loop first.
+    Each item of a loop is the number of an edge, and True if the edge runs forwards."""
 
     chart: int
     loops: tuple[tuple[tuple[int, bool], ...], ...]
@@ -53,7 +53,7 @@ class SmoothSkin:
 
 @dataclass(eq=False)
 class SmoothPiece:
-    """Piece of the sheet: edges with the keys of their runs, skins, and the widest gap, mm.
+    """Piece of the sheet: edges, the key of the run of each edge, skins, and the widest gap, mm.
     traced  : True if the file also contains the curves of edges on skins and walls.
     refused : reason why the piece is not a single closed shell, or ''."""
 
@@ -77,7 +77,7 @@ class SmoothPiece:
 
 @dataclass(frozen=True, eq=False)
 class SmoothModel:
-    """Pieces on their charts, the nodes of their outlines, and the thickness in mm."""
+    """Pieces of the sheet, spline surfaces by chart, end points (nodes) of outline parts, and the thickness in mm."""
 
     charts: dict[int, SkinChart]
     nodes: OutlineNodes
@@ -86,7 +86,7 @@ class SmoothModel:
 
 
 class PieceBuilder:
-    """Builder of pieces on one sheet and its charts."""
+    """Builder of a sheet's pieces from its outlines and from charts (spline surfaces over planes)."""
 
     def __init__(self, sheet: SheetOutline, charts: dict[int, SkinChart], allowed: EdgeTolerances) -> None:
         self.sheet, self.allowed = sheet, allowed
@@ -95,7 +95,7 @@ class PieceBuilder:
         self._make(sheet.regions, {})
 
     def piece(self, number: int, level: dict[RunKey, int], traced: bool = False) -> SmoothPiece:
-        """Build a piece. level : number of refusals of each run; traced : see `SmoothPiece`."""
+        """Build a piece. level : how often the curves of each run were refused; traced : see `SmoothPiece`."""
         result, seams = SmoothPiece(traced=traced), dict[RunKey, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)
@@ -105,7 +105,7 @@ class PieceBuilder:
             area = [signed_loop_area(_polygon(result, loop, region.chart)) for loop in loops]
             order = sorted(range(len(loops)), key=lambda i: -area[i])
             if not loops or sum(a > 0 for a in area) != 1:
-                result.refused = "a chart does not see a part of it as one outline"
+                result.refused = "a part of it has no single outline in the plane of its chart"
             result.skins.append(SmoothSkin(region.chart, tuple(loops[i] for i in order)))
         if not any(edge.wall for edge in result.edges):
             result.refused = "it has no outline"
@@ -152,7 +152,7 @@ ROUNDED = 1e-9  # a point is on a chord if its distance / length of the chord is
 
 
 def crossings(piece: SmoothPiece) -> Floats:
-    """(k, 3) places on the upper side where curves of a skin cross each other in the plane of their chart."""
+    """(k, 3) places on the upper side where curves of a region's outline cross, seen along the normal of its plane."""
     return np.concatenate([np.zeros((0, 3)), *(_in_skin(piece, skin) for skin in piece.skins)])
 
 
@@ -170,7 +170,7 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     """Return the ends of edges (2 k and 2 k + 1 for edge k) at sharp corners whose two sides cross near the corner.
-    Sides cross if one of them begins on the left of the other, but has its middle on the right of the other."""
+    Sides A and B cross if A begins on the left of B, and the middle of A is on the right of B."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
@@ -213,7 +213,7 @@ def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
 
 
 class SmoothText:
-    """Writer of pieces; it adds entities to `new`."""
+    """Writer of pieces of a sheet; it adds STEP entities to `new`."""
 
     def __init__(self, entity_list: StepEntities, model: SmoothModel) -> None:
         self.new, self.model = entity_list, model
@@ -336,11 +336,11 @@ class SmoothPieceFile:
     @property
     def summary(self) -> str:
         """Description of the file for messages."""
-        count_text = "" if self.smooth == self.pieces else f"{self.smooth} of {self.pieces} pieces, the rest faceted, "
+        count_text = "" if self.smooth == self.pieces else f"{self.smooth} of {self.pieces} pieces (others faceted), "
         why = f" ({self.refused})" if self.refused else ""
         return (
-            f"{count_text}at most {self.there:.2g} mm off the mesh and the mesh {self.back:.2g} mm off it "
-            f"({self.limits.summary}); gaps under {self.gap:.2g} mm{why}"
+            f"{count_text}at most {self.there:.2g} mm from the solid to the mesh and {self.back:.2g} mm from the mesh "
+            f"to the solid ({self.limits.summary}); gaps under {self.gap:.2g} mm{why}"
         )
 
 

@@ -93,8 +93,8 @@ REPAIRS = (
 
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
     """Return the findings for each solid of a file with one solid per product; [] if OCCT cannot read the file.
-    deflection : largest distance (mm) of the triangles, which become `0.stl`, `1.stl` ... in the folder.
-    copies     : True if forks do a part of the work. After OCCT has made triangles, a fork would wait forever."""
+    deflection : largest distance (mm) of triangles from the solid. Triangles become `0.stl`, `1.stl` ... in the folder.
+    copies     : True if forks do a part of the work. Do not fork after OCCT has made triangles: the fork would hang."""
     reader = _reader(path)
     if reader is None:
         return []
@@ -105,9 +105,9 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
 
 
 def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
-    """Return the findings for each solid of a file that is judged as a whole; [] if OCCT cannot read the file.
+    """Return the findings for each solid of a file, after all solids were read together; [] if OCCT cannot read it.
     If every face has triangles, the folder gets the triangles and the shape, as from `write_triangles`.
-    copies : True if a fork measures gaps and volumes at the same time."""
+    copies : True if a forked process measures gaps and volumes while this process makes triangles."""
     reader = _reader(path)
     if reader is None or not reader.TransferRoots():
         return []

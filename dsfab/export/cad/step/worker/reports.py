@@ -85,8 +85,8 @@ RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
-    """OCCT's findings about a solid, see `pieces`, millimetres. Triangles of different faces share no vertices.
-    bad : (k, 3) ends of crossing edges.    V, F : triangles of the solid."""
+    """OCCT's findings about a solid, as in `pieces`; lengths in mm. Triangles of different faces share no vertices.
+    bad : (k, 3) end points of edges that cross each other.    V, F : triangles of the solid."""
 
     valid: bool
     closed: bool

@@ -19,8 +19,8 @@ def read(path: Path) -> Any:
         BRepTools.Read_s(shape, str(path), BRep_Builder())
     else:
         reader = step_reader(path)
-        if reader is None:  # OCCT would crash without a reader
-            raise ValueError("OCCT does not read it")
+        if reader is None:  # otherwise OCCT would crash
+            raise ValueError("OCCT cannot read the file")
         reader.TransferRoots()
         shape = reader.OneShape()
     if shape.IsNull():
@@ -48,7 +48,7 @@ def write_binary(shape: Any, path: Path) -> None:
 
 
 def parts(shape: Any, kind: str) -> list[Any]:
-    """Return the parts of a shape of a kind ("SOLID", "FACE", "EDGE" ...), with their orientation in it."""
+    """Return all parts of one kind ("SOLID", "FACE", "EDGE" ...) in a shape, with their orientation in the shape."""
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp_Explorer
 

@@ -1,7 +1,7 @@
 """OCCT's triangles of the solids in a STEP file.
 
 `mesh.npz` contains V (n, 3), mm, F (m, 3), counter-clockwise from outside, and the face (m,) of each triangle.
-Faces are counted through all solids, and share no vertices. `shape.bin` is OCCT's binary shape."""
+Face numbers run on from solid to solid. Faces share no vertices. `shape.bin` is OCCT's binary shape."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -46,7 +46,7 @@ def draw(shape: Any, deflection: float) -> None:
 
 
 def keep_drawn(shape: Any, folder: Path) -> None:
-    """Write a triangulated shape as `write_triangles` does. `mesh.npz` is written last; it is always complete."""
+    """Write a triangulated shape as `write_triangles` does. `mesh.npz` appears last, when it is complete."""
     solids = parts(shape, "SOLID")
     faces = [face for solid in solids for face in faces_of(solid)]
     write_binary(shape, folder / "shape.bin")

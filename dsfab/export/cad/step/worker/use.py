@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from dsfab.export.cad.step.worker.shapes import bounds, compound, faces_of, gauss_kronrod_volume, is_valid, parts, read
 
 TOGETHER_LIMIT = 1e-5  # largest relative error of the volume of two halves, measured as one shape
-ALONE_LIMIT = 1e-4  # largest relative error of the volume of two halves, measured separately
+ALONE_LIMIT = 1e-4  # largest relative error of the volume of two halves, each measured alone
 
 PLANES = (
     *((1.0, 0.11, 0.07, 0.03), (0.09, 1.0, -0.13, -0.05), (0.05, 0.08, 1.0, 0.02), (1.0, 0.9, 0.2, 0.07)),
@@ -23,7 +23,7 @@ BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))  # corners of the cutting box, as 
 
 FILLETS, SHARP = 10, 20.0  # number of edges to round; smallest angle (degrees) between their faces
 
-ROUND, OF_EDGE = 10.0, 1 / 8  # radius of a fillet: mm, and largest radius / length of the edge
+ROUND, OF_EDGE = 10.0, 1 / 8  # largest radius of a fillet: in mm, and as a fraction of the edge's length
 SMOOTH = cos(radians(1.0))  # cosine of the largest angle at which one edge continues another edge
 
 
@@ -35,10 +35,10 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
     box           : OCCT's bounding box of the solids, six numbers, mm.
     sound         : number of half-space cuts with two valid halves and volume errors below both limits. Trials end
                     with the first failure, unless `every_cut` is set.
-    worst, alone  : largest relative volume error of the valid cuts, measured as one shape and separately.
+    worst, alone  : largest relative volume error of the valid cuts: of both halves as one shape, and of single halves.
     missed        : relative volume error of each unsound cut; 1 for an invalid half, 0 for a sound cut.
-    boxed         : True if the parts inside and outside of a box are sound.    box_missed : as `missed`.
-    closed        : True if a section has no open ends.
+    boxed         : True if a cut with a box gives two sound parts.    box_missed : as `missed`, for this cut.
+    closed        : True if the curves in which a plane cuts the solid have no open ends.
     again         : True if OCCT's copy of the file is valid and has the same faces and volume.
     fillets, sharp : number of edges across the sheet that OCCT rounded, and number of tried edges (up to ten)."""
     begin = time.process_time()
@@ -112,7 +112,7 @@ INVALID = VolumeErrors(1.0, 1.0)
 
 
 def volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
-    """Return the errors of the halves of a cut; `INVALID` without halves. whole_volume : cubic millimetres."""
+    """Return the volume errors of a cut from its two halves; `INVALID` without halves. whole_volume : solid, mm3."""
     if not halves:
         return INVALID
     alone = abs(sum(map(_volume, halves)) / whole_volume - 1)
@@ -234,7 +234,7 @@ def fillet_counts(shape: Any) -> tuple[int, int]:
 
 
 def thickness_edges(shape: Any) -> list[tuple[Any, float]]:
-    """Return the sharp edges from skin to skin, and their lengths: straight edges of the most frequent length.
+    """Return the sharp straight edges between the two skins, with their lengths. Most sharp edges have this length.
     Edges that smoothly continue other edges are excluded, because they lie between skin and wall."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve

@@ -14,7 +14,7 @@ MANY_EDGES = 16  # faces with at least this many edges are integrated by Green's
 
 
 class PlaneSpline(NamedTuple):
-    """Curve in a surface's parameters. knots : repeated.    way : 1, or -1 for a curve that runs against the face."""
+    """Curve in a surface's parameters. knots : with multiplicity.    way : -1 if it runs against the face, else 1."""
 
     degree: int
     knots: list[float]
