@@ -24,8 +24,8 @@ def judged(value=0.5, **changes):
 
 def test_the_first_line_tells_whether_and_why():
     assert verdict_line("roof", judged()) == "roof carries its loads"
-    weak = judged(1.5, faults=("A07 is used to 150% of its resistance",))
-    assert verdict_line("roof", weak) == "roof DOES NOT CARRY its loads: A07 is used to 150% of its resistance"
+    weak = judged(1.5, faults=("the load on A07 is 150% of its resistance",))
+    assert verdict_line("roof", weak) == "roof DOES NOT CARRY its loads: the load on A07 is 150% of its resistance"
     assert "--set statics.thickness=0.075" in cure_line(weak)
     assert "no thickness of the stock suffices" in cure_line(weak, is_sized=True)
     assert cure_line(judged()) == ""

@@ -159,7 +159,7 @@ def test_inspect_exits_with_1_for_a_mesh_that_build_refuses_and_lists_repairs(ca
     assert code == 0
     assert "read OBJ: 5 vertices, 5 faces" in lines
     assert "dropped 1 face with fewer than three corners" in lines
-    assert "build takes it; 1 face of 4 turned over, so that neighbours face the same side" in lines
+    assert "build takes it; 1 face of 4 turned over, so that neighbours are oriented alike" in lines
     far.write_text(text.replace("2 0 0", "3e38 0 0").replace("2 2 0", "3e38 3e38 0"))
     code, out, _ = run(capsys, "inspect", str(far))
     assert code == 1
@@ -256,7 +256,7 @@ def test_compare_prints_and_writes_competitors_and_gain(capsys, tmp_path, monkey
     assert rows["design"]["compliance_J"] > rows["full"]["compliance_J"]
     assert rows["thinner"]["mass_kg"] == pytest.approx(rows["design"]["mass_kg"])
     assert "full swings at" in out
-    assert "hold it out of its plane, too" in out
+    assert "prevent movements out of the sheet's plane" in out
     assert told["preset"].startswith('name = "cantilever"')
     with open(folder / "results.csv", newline="") as file:
         table = list(csv.DictReader(file))

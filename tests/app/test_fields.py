@@ -88,7 +88,7 @@ def test_a_field_that_was_not_computed_is_refused_with_the_key_to_set(dome):
     assert preset_with_mode(dome.preset, "buckling") is dome.preset
     assert preset_with_mode(plain.preset, "vonmises") is plain.preset
     light = draft(load_preset("cantilever", {"surface.edge": 0.1, "statics.density": 0.0, "statics.frequencies": 1}))
-    with pytest.raises(DsfabError, match=r"no shape of frequency to show: no natural frequencies: .* a density"):
+    with pytest.raises(DsfabError, match=r"no mode shape of frequency: no natural frequencies: .* a density"):
         answer_colouring(light, "frequency")
 
 

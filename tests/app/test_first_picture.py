@@ -233,7 +233,7 @@ def test_the_final_picture_is_the_same_with_and_without_a_first_picture(monkeypa
     assert seen[0][:4] == calm[:4]
     assert seen[0] != calm
     assert path.read_bytes() == calm
-    assert "a first picture is there" in capsys.readouterr().err
+    assert "a first picture is ready" in capsys.readouterr().err
 
     def refused(*_):
         raise PatternError("no such share")
@@ -246,7 +246,7 @@ def test_the_final_picture_is_the_same_with_and_without_a_first_picture(monkeypa
 @pytest.mark.parametrize(
     ("show", "width", "said"),
     [
-        ("structure", {"solid_fraction": 0.4}, "first picture, members about as wide as they will be"),
+        ("structure", {"solid_fraction": 0.4}, "first picture, widths of members are approximate"),
         ("structure", {}, "first picture"),
         ("major_mode", {"solid_fraction": 0.4}, "first picture, major mode"),
     ],

@@ -128,7 +128,7 @@ def test_preview_shows_the_built_design_or_the_uncut_design_if_no_cut_is_possibl
     monkeypatch.setattr(Design, "until", uncut)
     capsys.readouterr()
     assert main(words(path)) == 0
-    assert "drawn before it is cut, because cutting failed: a piece reaches no support" in capsys.readouterr().err
+    assert "shows the uncut pattern, because cutting failed: a piece reaches no support" in capsys.readouterr().err
     assert not np.array_equal(np.asarray(Image.open(path)), shown)
 
 
@@ -168,7 +168,7 @@ def test_division_of_faces_does_not_change_the_lighting(dome: Design) -> None:
 
 
 def test_a_design_without_modes_refuses_to_show_a_mode(dome: Design) -> None:
-    with pytest.raises(DsfabError, match="needs stripes on modes"):
+    with pytest.raises(DsfabError, match="needs pattern.method = 'modes'"):
         Previewer(dome, show="major_mode")
     assert "major_mode" not in picture_names("all", dome.preset)
     assert "minor_mode" in picture_names("modes", dome.preset)  # who asks is told why not

@@ -136,7 +136,7 @@ def test_the_rows_are_those_of_the_papers_tables(folder, name):
 def test_the_page_shows_each_figure_in_three_renditions_with_measures_and_commands(folder, name):
     page = Page(folder)
     measured = page.sections[name][1:4]
-    assert [row[0] for row in measured] == ["The paper to the letter", "The preset", "dsfab's stripes"]
+    assert [row[0] for row in measured] == ["Exactly as in the paper", "The preset", "dsfab's stripes"]
     assert all(row[1].endswith("%") and float(row[6]) >= 0 for row in measured)
     assert (measured[0][4] == "not carried") == (measured[0][3] == "0%")
     command = f"<code>dsfab reproduce {name} --coarser 8</code>"
@@ -175,7 +175,7 @@ def test_a_mesh_that_is_too_coarse_is_refined_and_reported(tmp_path, monkeypatch
     assert design.preset.surface.edge == pytest.approx(0.8**3 * 0.19)
     made = figures.FigurePictures(FIGURES[1], 1, 1, carried="all of it", coarser=1.5)
     text = page([made], PageFacts(2.0, "a machine"))
-    assert "No mesh 2 times coarser has all its details: it was made 1.5 times coarser." in text
+    assert "A mesh 2 times coarser loses details, so this mesh is 1.5 times coarser." in text
     assert "No mesh" not in page([made], PageFacts(1.5, "a machine"))
     monkeypatch.setattr(figures, "draft", lambda *_: (_ for _ in ()).throw(SurfaceError("never")))
     with pytest.raises(SurfaceError, match="never"):
@@ -258,7 +258,7 @@ def test_crosses_lie_along_the_principal_stresses(degrees):
 
 
 def test_without_anisotropy_there_are_no_directions():
-    with pytest.raises(DsfabError, match="r = 1, so that diffusion prefers none"):
+    with pytest.raises(DsfabError, match="r = 1, so diffusion has no preferred direction"):
         crosses(stressed(grid(8, 8, 1.0, 1.0), 0.0, r=1.0), PAPER)
 
 
@@ -407,12 +407,12 @@ def test_the_claim_section_names_the_winner_and_unknown_results():
     text = claim_section(claim(design, row, ("isotropic", 0.02, 0.08, "unknown"), ("thinner", 0.00404, 0.01, "pass")))
     assert "Tuned modes and phases, graded widths against the best isotropic stripes: 5 times as stiff at 50%." in text
     assert "a thinner sheet: 1.01 times as stiff at 50% (too close to tell)." in text
-    assert "2 of 3 numbers are verdicts that pass, of finer and finer meshes, known to 1.0 to 1.0 %" in text
+    assert "2 of 3 numbers converge on finer and finer meshes, with error bounds of 1.0 to 1.0 %" in text
     assert "Without a verdict, in italics: best pair of isotropic modes at 50%." in text
     assert '<td title="why"><i>20 ± 8 %</i></td>' in text
     assert "not carried" in text
     softer = claim_section(claim(("row", 0.04, 0.01, "pass"), ("thinner", 0.01, 0.01, "pass")))
-    assert "Table 1's row, labelled by sign against a thinner sheet: 4 times as soft at 50%." in softer
+    assert "Paper's Table 1, families by stress sign against a thinner sheet: 4 times as soft at 50%." in softer
     assert "one solve on the cut mesh" in claim_section(claim(("design", 0.004, 0.05, "unknown")))
 
 

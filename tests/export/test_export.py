@@ -250,7 +250,7 @@ def test_a_file_that_reads_back_differently_is_removed(tmp_path, monkeypatch, su
     form = FORMATS[suffix]
     spoilt = replace(form, encode=lambda part: form.encode(spoil(part)))
     monkeypatch.setitem(FORMATS, suffix, spoilt)
-    with pytest.raises(ExportError, match=r"reads back|lib3mf") as caught:
+    with pytest.raises(ExportError, match=r"read(s)? back|lib3mf") as caught:
         write(solid_box(), tmp_path / f"part{suffix}")
     assert said in str(caught.value)
     assert not any(tmp_path.iterdir())
@@ -303,7 +303,7 @@ def test_vertices_that_rounding_makes_equal_are_merged_and_the_file_stays_closed
 def test_a_shape_that_rounding_destroys_is_refused(tmp_path):
     tiny = solid_box(size=SIZE * 1e-4, corner=(5000.0, 0.0, 0.0))
     for suffix in (".stl", ".3mf", ".glb"):
-        with pytest.raises(ExportError, match=r"8 vertices of .* too close .* single precision \(first: 0, 1, "):
+        with pytest.raises(ExportError, match=r"single precision, 8 vertices of .* coincide \(first: 0, 1, "):
             write(tiny, tmp_path / f"a{suffix}")
     assert loaded(write(tiny, tmp_path / "a.ply")).volume == pytest.approx(tiny.volume * 1e9, rel=1e-3)
 

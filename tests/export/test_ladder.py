@@ -74,7 +74,7 @@ def test_a_slow_smooth_file_is_written_when_planar_faces_are_too_many(
     assert faces(path) < 30
     assert said[0].startswith("STEP is smooth")
     assert re.search(
-        r"; its time was not limited, because faceted it would have [\d,]+ planar faces, more than", said[0]
+        r"; the file's time was not limited, because faceted it would have [\d,]+ planar faces, more than", said[0]
     )
     assert chosen(solid, step=StepOptions(curved=curved, faces=60)).way == "smooth"
     assert chosen(solid, step=StepOptions(curved=curved)).way == "faceted"
@@ -236,11 +236,11 @@ def test_facets_replace_a_smooth_solid_that_occt_cannot_cut(slow_vault, inspecte
     part = strategies.prepare(replace(part_of(solid, "a", STEP_FACES), step="auto", curved=curved))
     smooth = next(one for one in strategies.attempts(part) if one.step == "smooth")
     monkeypatch.setattr(build, "MOST_WALLS", 100)
-    with pytest.raises(ExportError, match="smooth a half of it is not valid once OCCT has cut it"):
+    with pytest.raises(ExportError, match="smooth a trial cut in OCCT leaves an invalid half"):
         step.encode(smooth)
     monkeypatch.setattr(step, "LIGHT", 0.01)
     assert b"B_SPLINE" in b"".join(step.encode(smooth))
-    fails = "; cutting it in CAD fails (a half of it is not valid once OCCT has cut it): write step = 'faceted'"
+    fails = "; cutting it in CAD fails (a trial cut in OCCT leaves an invalid half): write step = 'faceted'"
     assert fails in strategies.route_sentence(smooth, [])
     cut.update(halves=True, off=0.0, box=part.box.ravel().tolist())
     derived_results(smooth).clear()
@@ -260,7 +260,7 @@ def test_a_smooth_file_that_check_would_fail_gives_way_to_facets_and_says_why(
     monkeypatch.setattr(step, "inspection", lambda part, path: faceted | {"faces": faces(path), "volume": part.volume})
     (solid, curved), said = slow_vault, list[str]()
     path = write(solid, tmp_path / "a.step", step=StepOptions(curved=curved), note=said.append)
-    assert said[0].startswith("STEP is faceted: smooth, 3 edges have one triangle only where OCCT draws it")
+    assert said[0].startswith("STEP is faceted: smooth, 3 edges have one triangle only where OCCT draws the solid")
     assert b"B_SPLINE" not in path.read_bytes()
     monkeypatch.setattr(soundness, "read_step", lambda *_: pytest.fail("the smallest file was drawn"))
     assert b"B_SPLINE" in write(solid, path, step=StepOptions("compact", curved=curved)).read_bytes()
@@ -274,7 +274,7 @@ def test_a_file_by_members_must_be_the_one_that_was_checked(tmp_path, slow_vault
     monkeypatch.setattr(step, "member_file", lambda _: file)
     assert step.check(part, path).count == 6
     path.write_text("test")
-    with pytest.raises(ExportError, match="differs from the checked text"):
+    with pytest.raises(ExportError, match="differs from the text that OCCT checked"):
         step.check(part, path)
 
 
@@ -285,8 +285,8 @@ def test_a_trial_cut_is_judged_by_halves_and_box_and_skipped_for_large_files(slo
     box = part.box.ravel().tolist()
     for answer, fault in (
         ({"halves": True, "off": 1e-6, "box": box}, ""),
-        ({"off": 2e-5}, "its halves miss 2.0e-05 of its volume once OCCT has cut it"),
-        ({"off": 0.0, "box": [box[0] - 400.0, *box[1:]]}, "OCCT's box of it is 400 mm off"),
+        ({"off": 2e-5}, "halves of OCCT's trial cut miss 2.0e-05 of the volume"),
+        ({"off": 0.0, "box": [box[0] - 400.0, *box[1:]]}, "OCCT's bounding box of the solid is 400 mm off"),
     ):
         cut.update(answer)
         assert soundness.sampled_use(part, b"", 5, limits) == soundness.SampledUse(True, fault)
@@ -302,7 +302,7 @@ def test_by_members_the_box_of_a_file_of_any_size_decides(slow_vault):
     draft = MemberDraft("", 2, 9000, 0, 0.0)
     two = [[*low, low[0], *high[1:]], [high[0], *low[1:], *high[:2], high[2] + 300.0]]
     found = [OcctFinding(True, True, True, 4500, 1e6, 0.0, box, nothing, nothing, nothing) for box in two]
-    with pytest.raises(ExportError, match="by members OCCT's box of it is 300 mm off"):
+    with pytest.raises(ExportError, match="by members OCCT's bounding box of the solid is 300 mm off"):
         network_build.require_solid(part, build.SmoothPlan(part), draft, found, None)
 
 

@@ -118,7 +118,7 @@ def test_a_3dm_file_that_lost_a_triangle_or_a_curve_is_not_kept(tmp_path, monkey
     for spoil, said in (
         (lambda p: replace(p, F=p.F[1:]), "reads back with 11 triangles instead of 12"),
         (lambda p: replace(p, details=Details(p.details.lines[1:])), "lines instead of"),
-        (lambda p: replace(p, details=p.details.scaled_by(1.01)), "mm long instead of"),
+        (lambda p: replace(p, details=p.details.scaled_by(1.01)), "mm long in the file instead of"),
     ):
         monkeypatch.setitem(FORMATS, ".3dm", replace(form, encode=lambda part, s=spoil: form.encode(s(part))))
         with pytest.raises(ExportError, match=said):

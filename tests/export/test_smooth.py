@@ -134,7 +134,7 @@ def test_a_valid_solid_whose_edge_is_displaced_is_refused_for_its_distance(tmp_p
     monkeypatch.setattr(build, "rebuild_until_sound", lambda *_: None)  # it would see that before OCCT is asked
     monkeypatch.setattr(build, "REFITS", 0)
     monkeypatch.setattr(build, "LAYOUTS", build.LAYOUTS[:1])
-    with pytest.raises(ExportError, match=r"it is 1\d mm off the mesh, more than [2-5]"):
+    with pytest.raises(ExportError, match=r"a smooth piece is 1\d mm off the mesh, more than [2-5]"):
         written(surface, sheet, tmp_path / "a.step")
     assert [one["valid"] and one["closed"] and one["gap"] < 1000 * THICKNESS / 20 for one in inspected_pieces] == [True]
 

@@ -333,7 +333,7 @@ def test_an_inspection_over_its_time_limit_fails_and_leaves_no_file(tmp_path, mo
 @pytest.mark.slow
 def test_a_check_that_fails_gives_its_reason(tmp_path):
     part = part_of(solid_box(), "box", 10)
-    with pytest.raises(ExportError, match=r"OCCT could not read the STEP file of 'box' \(OCCT does not read it"):
+    with pytest.raises(ExportError, match=r"OCCT could not read the STEP file of 'box' \(OCCT cannot read the file"):
         file.inspection(part, tmp_path / "missing.step")
 
 

@@ -324,7 +324,7 @@ def test_presets_name_the_rules_of_their_checks():
         *("permanent", "short"),
         *("short", "medium"),
     ]
-    assert found.loads == "Checked in 7 cases and combinations, with the factors in the preset."
+    assert found.loads == "Members are checked in 7 cases and combinations, with the factors in the preset."
     assert (found.material, found.timber.layer) == ("GL24h", 0)
     nothing = {"name": "still", "factors": {"dead": 1.35, "left": 0.0}}
     still = load_preset("snow_vault", {"surface.combination": [nothing], "eurocode.bent_in": True})

@@ -198,12 +198,12 @@ def test_a_disc_is_as_wide_as_its_area_says(vault):
 def test_the_summary_of_a_frame_explains_its_difference_from_the_sheet():
     found = FrameAgreement("wind", 1.3, 1.4, 0.3)
     assert not found.slender
-    assert found.summary.startswith("beams against the sheet, wind: 1.30 of its compliance")
+    assert found.summary.startswith("beams against the sheet, wind: 1.30 times the sheet's compliance")
     assert "30% of the energy" in found.summary
-    assert "although its bays are slender" in FrameAgreement("wind", 1.3, 1.0, 0.1).summary
+    assert "although the bays are slender" in FrameAgreement("wind", 1.3, 1.0, 0.1).summary
     assert "thin sheet" not in FrameAgreement("wind", 1.0, 1.0, 0.1, 1.01).summary
     assert FrameAgreement("wind", 1.0, 0.97, 0.1, 1.226).summary.endswith(
-        "0.97 of its largest displacement, which is 1.23 times that of a thin sheet, because ribs twist as bars"
+        "0.97 times its largest displacement, which is 1.23 times that of a thin sheet, because ribs twist as bars"
     )
 
 

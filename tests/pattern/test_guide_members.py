@@ -95,7 +95,7 @@ def test_a_guide_that_no_member_can_follow_gives_a_note():
 
 def test_a_curve_across_the_stress_names_the_family_that_runs_there():
     told = guided(straight(80)).even.steered.told
-    assert told.endswith("the minor family follows this curve by itself: family = 'minor' bends less")
+    assert told.endswith("the minor family already runs along this curve: family = 'minor' bends members less")
 
 
 def test_invalid_member_guides_are_refused_in_one_sentence():

@@ -53,7 +53,8 @@ def test_straight_stripes_have_their_spacing_openings_and_right_angles():
     assert (found.evenness, found.dead_ends, found.slits) == (pytest.approx(1), 0, 0)
     assert found.crossing_angle == pytest.approx(90)
     assert (found.major.deviation, found.minor.deviation) == pytest.approx((0, 0), abs=1e-5)
-    assert found.summary.startswith("no dead ends, no slits, members 0.0 degrees off the stress, crossing at 90")
+    start = "no dead ends, no slits, members 0.0 degrees off the stress direction, crossing at 90"
+    assert found.summary.startswith(start)
 
 
 def test_kept_regions_do_not_count_in_the_quality_of_stripes():

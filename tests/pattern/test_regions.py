@@ -223,7 +223,7 @@ def test_regions_that_are_nowhere_or_everything_say_so(region, what):
         ([{**OCULUS, "at": {"pick": "side", "axis": "y", "end": "min", "depth": 1.0}}],
          r"surface\.support\.0: all of its vertices are inside the void pattern\.region\.0 \(oculus\)"),
         ([{**OCULUS, "at": {"pick": "box", "min": [-9, 0, -1], "max": [9, 1, 1]}}],
-         r"the void pattern\.region\.0 \(oculus\) parts 1 of 2 pieces .* \(16 m2\) around \(.*, 2, 0\) m"),
+         r"the void pattern\.region\.0 \(oculus\) separates 1 of 2 pieces .* \(16 m2\) around \(.*, 2, 0\) m"),
         ([OCULUS, {"do": "keep", "at": OCULUS["at"]}], r"pattern\.region\.1: the region misses the surface"),
     ],
 )  # fmt: skip
@@ -538,7 +538,7 @@ def test_a_folder_holds_its_regions(tmp_path):
 def test_an_asymmetric_region_gives_a_note():
     design = dsfab.run(wall(RING))
     assert any(
-        "the stripes have a symmetry of 4 images, but pattern.region.0 at 2 of them only" in n.text
+        "the stripes have a symmetry of 4 images, but some regions fewer: pattern.region.0 at 2" in n.text
         for n in design.notes
     )
     middle = {**RING, "at": {"pick": "ball", "center": [0, 0.3, 0], "radius": 1.7}}

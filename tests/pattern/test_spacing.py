@@ -55,7 +55,7 @@ def test_a_design_has_the_requested_spacing_and_reports_the_frequency():
         x = getattr(made.diffusion, name).mode(1)
         f = made.pattern.frequency[k]
         assert made.surface.area / line_length(made.surface, f * x + [0.3, 0.0][k]) == pytest.approx(spacing, rel=0.1)
-        told = f"spacing {spacing:g} m: frequency of the {name} stripes became {f:.4g}"
+        told = f"for a spacing of {spacing:g} m, the frequency of the {name} stripes is {f:.4g}"
         assert told in [note.text for note in made.notes if note.stage == "pattern"]
 
 
@@ -85,7 +85,7 @@ def test_a_preset_with_spacing_survives_being_written_and_read(tmp_path):
 
 def test_a_constant_mode_has_no_spacing():
     plate = grid(3, 3, 1.0, 1.0)
-    with pytest.raises(PatternError, match="a mode that is not constant"):
+    with pytest.raises(PatternError, match="an eigenmode that is not constant"):
         frequency_for(plate, np.ones(plate.n), 0.1)
 
 

@@ -271,13 +271,13 @@ def drafted(**more):
     ("more", "order", "told"),
     [
         ({}, 4, ""),
-        ({"rotate": 45}, 2, "of 4 images, the pattern of 2, because of rotate = 45"),
+        ({"rotate": 45}, 2, "of 4 images, but the pattern has only 2, because of rotate = 45"),
         ({"rotate": 90}, 4, ""),
-        ({"guide": [{"curve": [[2, 1, 3], [3, 2, 2.5]], "reach": 1.5}]}, 1, "the pattern of 1, because of guides"),
+        ({"guide": [{"curve": [[2, 1, 3], [3, 2, 2.5]], "reach": 1.5}]}, 1, "pattern has only 1, because of guides"),
         (
             {"rotate": 20, "guide": [{"curve": [[2, 1, 3], [3, 2, 2.5]], "reach": 1.5}]},
             1,
-            "the pattern of 1, because of rotate = 20 and guides",
+            "the pattern has only 1, because of rotate = 20 and guides",
         ),
     ],
 )
@@ -466,7 +466,7 @@ def test_members_of_one_family_have_no_loose_ends():
 
 
 def test_rings_without_crossings_are_refused_with_advice():
-    alone = "the major family alone has no crossings; set pattern.rim, or draw both"
+    alone = "the major family alone has no crossings; set pattern.rim or use both families"
     rings = SMALL | {"pattern.families": "major"}
     made = dsfab.run(load_preset(DOME_MODES, rings))
     assert any(note.text.startswith("5 of 6 pieces") and alone in note.text for note in made.notes)

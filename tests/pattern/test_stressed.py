@@ -116,7 +116,7 @@ def test_a_step_without_stiffness_ends_the_search_with_a_note(stressed, monkeypa
 
     monkeypatch.setattr(StressedTrial, "carrying", breaks)
     made = dsfab.design.draft(cantilever(rule="stressed", steps=7), earlier=stressed)
-    assert f"width rule stressed ended before step {good + 1}: no piece" in made.notes[-2 - (good > 0)].text
+    assert f"width rule 'stressed' ended before step {good + 1}: no piece" in made.notes[-2 - (good > 0)].text
     graded = dsfab.design.draft(cantilever(rule="graded"), earlier=stressed)
     off = max(
         np.abs(a - b).max()

@@ -351,7 +351,7 @@ def test_the_nearest_share_is_delivered_with_a_note(wanted, nearest):
     design = draft(with_overrides(preset, {"pattern.width.solid_fraction": wanted}))
     share = design.sheet.surface.area / design.surface.area
     assert share == pytest.approx(nearest, abs=1e-4)
-    assert [note.text for note in design.notes if f"{nearest:.2%} is the nearest, because the share jumps" in note.text]
+    assert [note.text for note in design.notes if f"{nearest:.2%} is the nearest possible share, because" in note.text]
 
 
 def test_a_share_past_a_jump_is_refused_where_no_more_is_allowed():
@@ -484,7 +484,7 @@ def test_widths_restart_at_the_pattern_and_give_the_fresh_design(coarse):
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"rule": "constant"}, r"pattern\.width: the width rule constant needs member"),
+        ({"rule": "constant"}, r"pattern\.width: the width rule 'constant' needs the key member"),
         ({"min_width": 0.2, "max_width": 0.1}, r"pattern\.width: min_width = 0\.2 m is more than max_width"),
         ({"rule": "grade"}, r"pattern\.width\.rule = 'grade': .*did you mean graded\?"),
         ({"solid_fraction": 1.0}, r"pattern\.width\.solid_fraction = 1\.0: should be less than 1"),

@@ -212,9 +212,9 @@ def test_all_invalid_keys_of_a_preset_are_reported_at_once():
     ("write", "says"),
     [
         (lambda p: p.write_text("name = 'x"), "is not valid TOML"),
-        (lambda p: p.write_text("a = " + "[" * 100_000), "is not valid TOML: its tables are nested too deeply"),
-        (lambda p: p.write_text("a" + ".a" * 5_000 + " = 1"), "is not valid TOML: its tables are nested too deeply"),
-        (lambda p: p.write_text("a = " + "9" * 5000), "is not valid TOML: a number in it has too many digits"),
+        (lambda p: p.write_text("a = " + "[" * 100_000), "is not valid TOML: the tables are nested too deeply"),
+        (lambda p: p.write_text("a" + ".a" * 5_000 + " = 1"), "is not valid TOML: the tables are nested too deeply"),
+        (lambda p: p.write_text("a = " + "9" * 5000), "is not valid TOML: a number has too many digits"),
         (lambda p: p.write_bytes(b"\xff\xfe\x00rubbish"), "is not a text file"),
         (lambda p: p.mkdir(), "is a folder; give a preset file or one of"),
         (lambda p: None, "not found"),

@@ -646,7 +646,7 @@ def test_a_surface_in_coordinates_of_a_survey_gets_an_origin_of_its_own(tmp_path
     assert_allclose(at.base_surface().V + at.origin, vault.V + site, atol=1e-6)
     for foot in at.support:
         assert foot.at.vertices(at.build()).any()
-    assert any("move what is written back by that; change surface.origin" in line for line in away.lines)
+    assert any("move output files back by this vector; change surface.origin" in line for line in away.lines)
     near = propose(obj(tmp_path / "near.obj", Surface(vault.V + [40 * vault.size, 0, 0], vault.F)))
     assert near.preset.surface.origin == (0, 0, 0)
 
@@ -657,7 +657,7 @@ def test_an_unlikely_unit_of_a_file_gives_a_warning_with_other_units(tmp_path, c
     path.write_text("# units: ft\n" + path.read_text())
     assert main(["inspect", str(path)]) == 0
     told = capsys.readouterr().out
-    assert "far larger than what is built; is that the file's unit?; --unit mm: 10 m x" in told
+    assert "far larger than usual structures; is that the file's unit?; --unit mm: 10 m x" in told
 
 
 @pytest.mark.parametrize(

@@ -155,7 +155,7 @@ def test_errors_of_python_arguments_use_the_keys_of_toml(wrong: dict[str, Any], 
         (lambda: dsfab.run(preset("nowhere.obj")), "nowhere.obj does not exist; check the path"),
         (
             lambda: dsfab.run(preset((HYPAR.V * 1000, HYPAR.F))),
-            r'check the unit, dsfab\.Surface\.of\(mesh, "mm"\) for millimetres, and statics\.thickness',
+            r'check the unit \(dsfab\.Surface\.of\(mesh, "mm"\) for millimetres\) and statics\.thickness',
         ),
         (lambda: dsfab.run(preset(two_roofs(), supports=[dsfab.Support(dsfab.Side("x", "min", 1.0))])), "no support"),
     ],

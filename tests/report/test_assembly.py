@@ -419,7 +419,7 @@ def test_the_page_tells_how_far_holes_are_off_and_models_have_none(plan):
     paper = Recorder()
     draw(paper)
     said = " ".join(words for words, *_ in paper.words)
-    assert title == "Parts bent back into space"
+    assert title == "Flat parts bent into their final shape"
     assert f"{len(refolded_plan(plan).deviations)} holes at nodes are up to 0.0" in said
     assert "plate" not in said
     assert refolded_pages(replace(plan, model=50.0), faces, UP) == []

@@ -30,11 +30,11 @@ def found(N=-10e3, material="S235", **more):
 @pytest.mark.parametrize(
     ("given", "status", "title"),
     [
-        (found(), "pass", "Each of 1 members is below its resistance"),
+        (found(), "pass", "Each of 1 members is loaded below its resistance"),
         (
             found(combined=False),
             "unknown",
-            "Each of 1 members is below its resistance, under loads without partial factors",
+            "Each of 1 members is loaded below its resistance, under loads without partial factors",
         ),
         (found(N=-1e6), "fail", "1 of 1 members exceed their resistance"),
         (found(N=-1e6, combined=False), "fail", "1 of 1 members exceed their resistance"),

@@ -133,7 +133,7 @@ def test_loads_on_loose_pieces_are_not_carried():
     told = FigurePictures(FIGURES[15], ways=(RenditionPicture(letter, PaperPicture("", "", "")),))
     assert letter.uncarried
     assert f"not carried: {letter.uncarried}." in rendition_section(told, 1.0)
-    assert finding("web", letter).endswith("; it carries 0% of the load")
+    assert finding("web", letter).endswith("; the design carries 0% of the load")
 
 
 def test_a_refused_rendition_has_an_empty_row_and_no_claim():

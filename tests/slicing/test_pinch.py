@@ -203,7 +203,7 @@ def test_surface_that_touches_itself_can_be_split_but_not_joined():
     bow_tie = Surface([[0, 0, 0], [1, 0, 0], [1, 1, 0], [-1, 0, 0], [-1, -1, 0]], [[0, 1, 2], [0, 3, 4]])
     sheet = cut(bow_tie, [np.zeros(5)], [[-1.0]])
     assert pinch_count(sheet) == 1
-    with pytest.raises(PatternError, match=r"single point at 1 vertex \(first: 0\); use the other pinch rule"):
+    with pytest.raises(PatternError, match=r"single point at 1 vertex \(first: 0\); change slicing.pinch"):
         resolve_pinches(sheet, 0.2, "join")
     done = resolve_pinches(sheet, 0.2, "split")
     assert pinch_count(done.sheet) == 0

@@ -133,7 +133,8 @@ def test_the_span_follows_from_the_supports():
     plate = grid(8, 4, 8.0, 4.0)
     x, y = plate.V[:, 0], plate.V[:, 1]
     ends = held(plate, (x == 0) | (x == 8))
-    assert judged_span(plate, ends) == (pytest.approx(8.0), "twice the 4 m from the supports to the farthest place")
+    words = "twice the distance of 4 m from the supports to the farthest place"
+    assert judged_span(plate, ends) == (pytest.approx(8.0), words)
     corners = held(plate, ((x == 0) | (x == 8)) & ((y == 0) | (y == 4)))
     assert judged_span(plate, corners)[0] == pytest.approx(np.hypot(8, 4))
     assert judged_span(plate, held(plate, x == 0))[0] == pytest.approx(16.0)

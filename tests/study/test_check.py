@@ -95,7 +95,7 @@ def test_a_file_in_metres_gives_a_warning(tmp_path, capsys):
     assert verdicts(check_file(path))["unit"] == "fail"
     assert check_file(path, unit="m").has_passed
     assert main(["check", str(path)]) == 1
-    assert "read in mm its thinnest wall is 0.01 mm: its numbers look like metres" in capsys.readouterr().out
+    assert "with the unit mm its thinnest wall is 0.01 mm, so its unit is probably metres" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_a_file_in_metres_gives_a_warning(tmp_path, capsys):
         ("shape.dwg", b"x", "has the suffix '.dwg'"),
         ("text.3mf", b"no zip at all", "cannot be read as 3MF"),
         ("text.step", b"no step at all", "export it again"),
-        ("half.step", b"ISO-10303-21;\nHEADER;", "cannot be read as STEP (OCCT does not read it); export it again"),
+        ("half.step", b"ISO-10303-21;\nHEADER;", "cannot be read as STEP (OCCT cannot read the file); export it again"),
         ("text.stl", b"solid nothing\nendsolid", "no faces"),
     ],
 )
@@ -127,7 +127,7 @@ def test_an_unreadable_file_is_refused_in_one_sentence(tmp_path, capsys, name, c
 
 def test_a_folder_is_refused_with_the_name_of_a_file_in_it(tmp_path, capsys):
     assert main(["check", str(tmp_path), "-q"]) == 1
-    assert "is a folder; it has no file that `dsfab check` reads: .stl, .3mf" in capsys.readouterr().err
+    assert "is a folder; the folder has no file to check: .stl, .3mf" in capsys.readouterr().err
     stl(tmp_path / "roof.stl", *PLATE)
     (tmp_path / "a.txt").touch()
     assert main(["check", str(tmp_path), "-q"]) == 1
@@ -206,7 +206,7 @@ def test_the_preset_beside_the_file_is_found_and_the_file_read_once(design, tmp_
     assert found["volume_m3"] == pytest.approx(design.solid.volume, rel=1e-6)
     assert main(["check", str(path), "--no-solid", "--set", "statics.thickness=0.012"]) == 1
     assert (
-        "is it the design               fail     its surface is 1 mm off the design's where 0.6 mm are allowed"
+        "is it the design              fail     its surface is 1 mm from the design's surface; the limit is 0.6 mm"
         in capsys.readouterr().out
     )
 
@@ -282,7 +282,7 @@ def test_crossing_chords_of_a_step_file_are_refined_before_a_fault_is_reported(t
     assert not soundness(found.V, found.F).sound
     assert file_check.file_soundness(found, lambda *_: None).sound == sound
     fault = step_fault(tmp_path / "pin.step", 1e-3)
-    assert bool(re.match(r"\d+ pairs of triangles cross where OCCT draws it as triangles, at", fault)) == (not sound)
+    assert bool(re.match(r"\d+ pairs of triangles cross where OCCT draws the solid as", fault)) == (not sound)
     assert bool(fault) == (not sound)
 
 

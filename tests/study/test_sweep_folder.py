@@ -535,7 +535,7 @@ def test_ctrl_c_is_one_sentence_and_the_sweep_goes_on(tmp_path):
     process.send_signal(signal.SIGINT)
     told = process.communicate(timeout=60)[0]
     assert process.returncode == 130
-    assert f"dsfab: stopped; what is done is kept, `dsfab sweep {tmp_path}` goes on" in told
+    assert f"dsfab: stopped; finished runs are kept. To go on: `dsfab sweep {tmp_path}`" in told
     assert "Traceback" not in told
     with Store.open(tmp_path) as store:
         assert "running" not in store.counts()

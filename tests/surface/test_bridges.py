@@ -94,7 +94,7 @@ def test_duplicate_vertices_that_part_pieces_give_a_hint() -> None:
     free = "piece 2 of 49 can turn .*: .* pick more vertices .*"
     for end, says in (("max", "48 of 49 pieces .* remove each piece"), ("min", free)):
         held = dsfab.Support(dsfab.Side("z", end, 0.001))
-        with pytest.raises(StaticsError, match=f"{says}, or merge its 94 vertices at places of earlier vertices$"):
+        with pytest.raises(StaticsError, match=f"{says}, or merge 94 vertices that coincide with earlier vertices$"):
             dsfab.run(dsfab.Preset(surface=(cap.vertices, cap.faces), supports=[held], **given))
     whole = draft(dsfab.Preset(surface=cap, supports=[dsfab.Support(dsfab.Side("z", "min", 0.001))], **given))
     assert not [note for note in whole.notes if "pieces" in note.text]

@@ -256,7 +256,7 @@ WRONG = {
     "cut off step": (
         "x.step",
         b"ISO-10303-21;\nHEADER;\n",
-        "x.step cannot be read as STEP .it is not a STEP file with",
+        "x.step cannot be read as STEP .the file is not a STEP file with",
     ),
     "no step": ("x.stp", b"a roof", "x.stp cannot be read as STP"),
     "no brep": ("x.brep", b"DBRep_DrawableShape\n", "x.brep cannot be read as BREP"),
@@ -287,16 +287,16 @@ def test_foreign_readers_run_in_a_process_whose_crash_is_reported(tmp_path, monk
     build123d.export_step(build123d.Face.make_rect(4000, 3000), step)
     assert read_surface(rhino).area == pytest.approx(read_surface(step).area, rel=0.2)
     (tmp_path / "bad.step").write_bytes(b"a roof")
-    with pytest.raises(SurfaceError, match=r"bad.step cannot be read as STEP .it is not a STEP file with shapes"):
+    with pytest.raises(SurfaceError, match=r"bad.step cannot be read as STEP .the file is not a STEP file with shapes"):
         read_surface(tmp_path / "bad.step")
     monkeypatch.setattr(separate_process, "PROGRAM", "raise SystemExit(1)")
     with pytest.raises(
-        SurfaceError, match=r"plane.step cannot be read as STEP .it is damaged: OCCT stops while reading it"
+        SurfaceError, match=r"plane.step cannot be read as STEP .the file is damaged: OCCT stops while reading it"
     ):
         read_surface(step)
     monkeypatch.setattr(separate_process, "PROGRAM", "import time; time.sleep(30)")
     monkeypatch.setitem(separate_process.SECONDS, "cad", -239.9)
-    with pytest.raises(SurfaceError, match="reading took more than 240 s; export it as a mesh"):
+    with pytest.raises(SurfaceError, match="reading the file took more than 240 s; export it as a mesh"):
         read_surface(step)
 
 
@@ -355,7 +355,7 @@ def test_marks_in_millimetres_are_scaled_and_open_marks_are_ignored(tmp_path, wi
     path = site(tmp_path / "site.3dm", rows, rhino3dm.UnitSystem.Millimeters)
     with pytest.raises(SurfaceError, match="marks on layer 'support', but z does not point up; turn"):
         propose(path, up="y")
-    assert "1 of them enclose no area and are ignored" in "\n".join(propose(path).lines)
+    assert "1 of these marks enclose no area and are ignored" in "\n".join(propose(path).lines)
 
 
 @pytest.mark.parametrize("away", [0.0, 452_345.0], ids=["here", "in coordinates of a survey"])

@@ -319,10 +319,10 @@ def test_a_gltf_file_without_a_scene_is_read_whole(tmp_path):
 @pytest.mark.parametrize("version", ["1.0", None])
 def test_gltf_1_is_named(version, tmp_path):
     tree = {"meshes": {"roof": {}}, "scenes": {}} | ({"asset": {"version": version}} if version else {})
-    with pytest.raises(SurfaceError, match=r"its version of glTF is 1\.0, but dsfab reads version 2"):
+    with pytest.raises(SurfaceError, match=r"the file has version 1\.0 of glTF, but dsfab reads version 2"):
         raw_mesh(written(tmp_path / "old.gltf", json.dumps(tree)))
     data = b"glTF" + struct.pack("<4I", 1, 28, 8, 0) + b"{}      "
-    with pytest.raises(SurfaceError, match="its version of glTF is 1"):
+    with pytest.raises(SurfaceError, match="the file has version 1"):
         raw_mesh(written(tmp_path / "old.glb", data))
 
 
@@ -370,7 +370,7 @@ def test_every_object_of_a_3mf_file_is_accounted_for(tmp_path):
     assert counts["beam", "dropped"] == 1
     assert "1 object of the type 'support'" in record.dropped
     assert "1 object of the type 'other'" in record.dropped
-    assert "1 object that the build plate lacks" in record.dropped
+    assert "1 object without a place on the build plate" in record.dropped
     assert describe(path).area == pytest.approx(3 * AREA)
 
 
@@ -394,9 +394,9 @@ def test_modifiers_of_slicers_are_ignored_and_named(tmp_path):
         model_settings=f'<config><object id="3">{kinds}</object></config>',
     )
     for path in (prusa, bambu):
-        assert "1 modifier or support of its slicer" in dropped(path)
+        assert "1 modifier or support that only the slicer uses" in dropped(path)
         assert describe(path).area == pytest.approx(AREA)
-    assert "1 item that its slicer does not print" in dropped(bambu)
+    assert "1 item marked as not printable" in dropped(bambu)
     broken = archive(
         tmp_path / "odd.3mf", model([("", mesh_text())], '<item objectid="1"/>'), model_settings="<config>"
     )
@@ -406,8 +406,8 @@ def test_modifiers_of_slicers_are_ignored_and_named(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (model([("", mesh_text())], '<item objectid="7"/>'), "it places the object '7', which it lacks"),
-        (model([("", mesh_text())], '<item objectid="1"/>')[:-20], "its XML is broken or cut off in line 1"),
+        (model([("", mesh_text())], '<item objectid="7"/>'), "it places the object '7', but lacks this object"),
+        (model([("", mesh_text())], '<item objectid="1"/>')[:-20], "the file's XML is broken or cut off in line 1"),
         (model([("", mesh_text().replace('x="', 'u="', 1))], ""), "a number or an object is missing or invalid"),
         (model([("", mesh_text())], '<item objectid="1" transform="1 0 0"/>'), "a number or an object is missing"),
         (model([("", mesh_text())], "", 'requiredextensions="s"'), "it needs the extension s, which dsfab does not"),

@@ -225,7 +225,7 @@ def test_parts_that_touch_in_a_point_are_joined_there(turned):
         assert len(pinches(mesh.F, edges, len(mesh.V))) == 0
         assert edges.count.max() == 2
         assert len(mesh.F) == len(F) + 1
-        assert "touch in a point joined" in mesh.repairs[-1]
+        assert "touch in a point: joined" in mesh.repairs[-1]
 
 
 def test_a_narrow_opening_and_needles_at_a_border_are_no_seams():

@@ -196,7 +196,7 @@ def test_a_moebius_strip_cannot_be_oriented():
     [
         ([[0, 1, 2], [0, 2, 3], [0, 2, 4]], 5, "1 edge has more than two faces (first: 0-2)"),
         ([[0, 1, 2], [0, 2, 3], [2, 0, 1]], 4, "1 face repeats an earlier face (first: 2)"),
-        ([[0, 1, 2], [0, 3, 2]], 4, "1 edge has faces of opposite sides (first: 0-2)"),
+        ([[0, 1, 2], [0, 3, 2]], 4, "1 edge has two faces of opposite orientation (first: 0-2)"),
         (BOW_TIE, 5, "parts touch in a point at 1 vertex (first: 2)"),
     ],
 )

@@ -149,7 +149,7 @@ def test_a_lap_of_two_panels_is_named_and_stays():
     assert mended_mesh(lap.V, lap.F).repairs == ()
     (words,) = parallel_remarks(lap.V, lap.F)
     assert words.startswith("8 of 32 faces lie partly on other faces in one plane (first: 3, 7, ")
-    assert words.endswith("cut them where they meet the others")
+    assert words.endswith("cut these faces where they meet other faces")
 
 
 def test_faces_whose_corners_fall_together_are_not_compared():
@@ -307,7 +307,7 @@ def test_too_few_digits_far_away_are_named_and_refused(site, write, tmp_path):
         return
     assert f"has steps of {expected[site]:g} here" in words[0]
     assert words[0].endswith("export it near the origin")
-    sentence = rf"[xy] has steps of {expected[site]:g} m here \(.*\), an edge has .* m: export"
+    sentence = rf"[xy] has steps of {expected[site]:g} m here \(.*\), but the mean edge is .* m: export"
     with pytest.raises(SurfaceError, match=sentence):
         surface_of_file(path, raw)
     assert describe(path).faces == len(F)

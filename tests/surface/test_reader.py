@@ -256,7 +256,7 @@ def test_an_inside_out_mesh_is_not_reported_as_inconsistent():
     assert flip_remark(good.F[:, ::-1], good.F) == (
         f"{good.m} faces of {good.m} turned over, so that they face outward",
     )
-    assert flip_remark(some, good.F) == (f"3 faces of {good.m} turned over, so that neighbours face the same side",)
+    assert flip_remark(some, good.F) == (f"3 faces of {good.m} turned over, so that neighbours are oriented alike",)
     assert flip_remark(good.F, good.F) == ()
 
 
@@ -289,7 +289,7 @@ BAD = {
     "infinite": ("mesh.obj", "v 1e999 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "1 of 3 vertices are not finite"),
     "collapsed": ("mesh.obj", TRIANGLE + "v 2 0 0\nf 1 2 3\nf 1 2 4\n", r"1 of 2 faces have no area \(first: 1\)"),
     "repeated corner": ("mesh.obj", TRIANGLE + "f 1 2 3\nf 1 2 2\n", "1 of 2 faces have no area"),
-    "twice": ("mesh.obj", TRIANGLE + "f 1 2 3\nf 3 1 2\n", r"1 face repeats an earlier face, of 2 \(first: 1\)"),
+    "twice": ("mesh.obj", TRIANGLE + "f 1 2 3\nf 3 1 2\n", r"repeats an earlier face \(first: 1; the mesh has 2"),
     "turned twice": ("mesh.obj", TRIANGLE + "f 1 2 3\nf 3 2 1\n", "1 face repeats an earlier face"),
     "three at an edge": (
         "mesh.obj",
@@ -297,7 +297,7 @@ BAD = {
         r"1 edge has more than two faces \(first: 0-1\)",
     ),
     "not off": ("mesh.off", "3 1 0\n0 0 0\n", "cannot be read as OFF .*the first word is not OFF"),
-    "short off": ("mesh.off", "OFF\n3 1 0\n0 0 0\n", "it announces 3 vertices, but has only 1"),
+    "short off": ("mesh.off", "OFF\n3 1 0\n0 0 0\n", "the file announces 3 vertices, but has only 1"),
     "empty off": ("mesh.off", "OFF\n", "cannot be read as OFF"),
     "not ply": ("mesh.ply", "solid\n", "cannot be read as PLY .*no PLY header"),
     "odd ply": ("mesh.ply", PLY_HEAD.format("ebcdic", 1), "the format 'ebcdic' is not"),

@@ -167,7 +167,7 @@ def test_impossible_lengths_are_refused(target):
 @pytest.mark.parametrize("smooth", [False, True])
 def test_a_length_that_takes_too_many_triangles_is_refused_in_time(smooth, monkeypatch):
     monkeypatch.setattr("dsfab.surface.edge_changes.MOST_TRIANGLES", 2000)
-    with pytest.raises(SurfaceError, match=r"edges of 1e-06 m takes over 2,000 triangles"):
+    with pytest.raises(SurfaceError, match=r"edges of 1e-06 m needs more than 2,000 triangles"):
         refined_surface(sphere(2), 1e-6, smooth=smooth)
     assert refined_surface(sphere(2), 0.35, smooth=smooth).m <= 2000
 

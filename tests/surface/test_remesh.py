@@ -318,7 +318,7 @@ def test_a_preset_remeshes_its_mesh_and_keeps_its_keys(tmp_path):
     ("keys", "says"),
     [
         ({"edge": 0.5, "refine": 0.2}, "surface: give either edge .* or refine .*, not both"),
-        ({"finest": 0.2}, "surface: finest needs edge"),
+        ({"finest": 0.2}, "surface: finest needs the key edge"),
         ({"edge": 0.2, "finest": 0.5}, "surface: finest = 0.5 must not be longer than edge = 0.2"),
         ({"edge": -1}, "surface.edge = -1: should be greater than or equal to 0"),
     ],

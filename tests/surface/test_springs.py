@@ -172,7 +172,7 @@ def test_clamped_edges_have_both_ends_picked_and_do_not_cross_ears():
     region = Support(Box((0, 0, 0), (2, 2, 0)), clamp=True).clamped_edges(s)
     assert (region & ~boundary).sum() > 4
     assert not Support(Boundary()).clamped_edges(s).any()
-    with pytest.raises(SurfaceError, match="clamp = true is on no edge"):
+    with pytest.raises(SurfaceError, match="clamp = true finds no edge"):
         Support(Vertices((0,)), clamp=True).clamped_edges(s)
 
 

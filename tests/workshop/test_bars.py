@@ -266,11 +266,11 @@ def test_the_sharpest_angle_has_a_place_and_bars_that_lose_a_side_are_named():
     names = bars[k].bay.id, bars[other].bay.id
     told = replace(plan, bar_lattice=replace(plan.bar_lattice, bars=tuple(bars))).lines
     (angle,) = (line for line in told if "sharpest angle" in line)
-    assert angle.endswith(f"is 7 degrees, of {names[0]} and {names[1]} at {joint.node.id}")
-    (lost,) = (line for line in told if "lose a side" in line)
+    assert angle.endswith(f"is 7 degrees, between {names[0]} and {names[1]} at {joint.node.id}")
+    (lost,) = (line for line in told if "lose more than half of one side" in line)
     assert lost.startswith("2 bars lose")
     assert all(name in lost for name in names)
-    assert not any("a side for more" in line for line in plan.lines)
+    assert not any("half of one side" in line for line in plan.lines)
 
 
 @pytest.mark.parametrize("name", ["cylinder", pytest.param("sphere", marks=pytest.mark.slow)])
@@ -344,7 +344,7 @@ def test_auto_takes_bars_if_strips_cannot_be_bent_and_gives_the_excess(vault):
     assert "but bars are longer than the stock (B" in long.reason
     assert "but bars are impossible too" in near.reason
     assert "take workshop.route" not in near.reason  # strips are the route that was taken
-    assert "upright planks are impossible: planks 100 mm deep of boards 80 mm thick" in near.reason
+    assert "upright planks are impossible: a plank that is 100 mm deep and 80 mm thick" in near.reason
 
 
 def test_auto_takes_planks_where_bars_would_leave_the_surface_and_planks_can_be_bent_and_put_on(vault):
@@ -360,7 +360,7 @@ def test_auto_takes_planks_where_bars_would_leave_the_surface_and_planks_can_be_
     assert (
         f"bars would leave the surface by up to {length(bars.largest_sagitta)}, and members are 200 mm" in route.reason
     )
-    assert f"bent to {max(bends.values()):.2%}, of {limit:.2%} allowed, cross at 88 degrees" in route.reason
+    assert f"to a strain of {max(bends.values()):.2%} (allowed: {limit:.2%}), cross at 88 degrees" in route.reason
     assert_hindrances(route.planks)
 
 
@@ -368,11 +368,11 @@ def assert_hindrances(plan):
     """What planks would be that cannot be built, in numbers."""
     assert not plan.obstacle
     bend = max(plan.planks.bends.values())
-    assert replace(plan, limit=0.9 * bend).obstacle.startswith(f"would be bent across themselves to {bend:.2%}, of")
+    assert f"bent out of their plane to a strain of {bend:.2%}" in replace(plan, limit=0.9 * bend).obstacle
     for changes, said in (
-        ({"stuck": {"A01": 0.3, "A02": 0.4}}, "2 of them turn from each other by up to 23 degrees"),
+        ({"stuck": {"A01": 0.3, "A02": 0.4}}, "slots of 2 planks differ by up to 23 degrees"),
         ({"crowded": ["N1 in A01"]}, "without wood between them: N1 in A01"),
-        ({"crossings": PlankCrossings([], ["N7"])}, "meet at under 30 degrees at N7, without slots"),
+        ({"crossings": PlankCrossings([], ["N7"])}, "meet at under 30 degrees at N7, too sharp for slots"),
     ):
         assert said in replace(plan, planks=replace(plan.planks, **changes)).obstacle
 
@@ -413,7 +413,7 @@ def test_a_plate_below_strips_has_a_hole_for_the_bolt_of_its_node_and_two_for_an
     slope = np.arctan2(abs(node.normal[0]), node.normal[2])
     assert fold.angle == pytest.approx(-slope, abs=1e-6)
     (line,) = leg_lines([fold.angle], [])
-    assert line.endswith(f"folded by {np.degrees(slope):.0f} to {np.degrees(slope):.0f} degrees to be level")
+    assert line.endswith(f"fold it by {np.degrees(slope):.0f} to {np.degrees(slope):.0f} degrees")
     assert leg_lines([], ["N1"]) == [line for line in leg_lines([0.5], ["N1"]) if line.startswith("no leg at N1: ")]
 
 
@@ -435,7 +435,7 @@ def test_node_plates_of_a_vault_follow_the_slope_of_the_arch_at_its_springing(va
         assert sum(hole.diameter == 0.016 for hole in part.holes) == 2
         assert len(part.folds) == len(joint.bars) + 1
         assert polygon_area(part.outline) > 0
-    assert any("plates at supports have a leg with anchors, folded by 6" in line for line in plan.lines)
+    assert any("have a leg with anchors; to make the leg level, fold it by 6" in line for line in plan.lines)
 
 
 @pytest.mark.slow

@@ -28,13 +28,13 @@ def hints(parts, stock, gap=GAP):
 def test_strips_that_are_a_little_too_wide_for_one_more_row():
     """(1.25 - .008) / (.2 + .008) = 5.97, / (.19 + .008) = 6.27: of 11 strips, five or six lie on a sheet."""
     said, *_ = hints(strips(11, 2.4, 0.2), [(2.5, 1.25)])
-    assert said.startswith("strips 190 mm wide instead of 200 mm would need 2 sheets instead of 3; see [pattern.width]")
+    assert said.startswith("with strips 190 mm wide instead of 200 mm, the parts would need 2 sheets instead of 3; see")
 
 
 def test_the_hint_gives_the_least_narrowing_that_saves_a_sheet():
     """/ (.21 + .008) = 5.7, / (.2 + .008) = 5.97: only a tenth less is a row more; 10 strips need no more rows."""
     said, *_ = hints(strips(11, 2.4, 0.21), [(2.5, 1.25)])
-    assert "190 mm wide instead of 210 mm would need 2 sheets instead of 3" in said
+    assert "190 mm wide instead of 210 mm, the parts would need 2 sheets instead of 3" in said
     assert hints(strips(10, 2.4, 0.2), [(2.5, 1.25)]) == []
     assert hints(strips(2, 2.4, 0.2), [(2.5, 1.25)]) == []
 
@@ -54,7 +54,7 @@ def test_strips_are_not_made_narrower_than_their_bolts_allow():
 
 def test_the_hint_for_strips_of_several_widths_is_a_share():
     said, *_ = hints(strips(11, 2.4, 0.2) + strips(1, 2.4, 0.1), [(2.5, 1.25)])
-    assert said.startswith("strips 5% narrower would need 2 sheets instead of 3")
+    assert said.startswith("with strips 5% narrower, the parts would need 2 sheets instead of 3")
 
 
 def test_a_narrower_strip_keeps_its_axis_and_a_plate_stays():

@@ -211,7 +211,7 @@ def test_card_on_a_sphere_has_the_bending_strain_of_its_thickness_over_the_radiu
         assert limits.bending == pytest.approx(0.0005 * scale / 6.5, rel=0.1)
         notes[scale] = model_notes(limits, small, scale, 0.0006)
     assert not any(note.startswith(("NOT", "TOO", "HOLES")) for note in notes[50])
-    assert notes[400][0].startswith("NOT WITHOUT CREASES: card of 1 mm")
+    assert notes[400][0].startswith("NOT SMOOTH: card of 1 mm")
     (narrow,) = (note for note in notes[400] if note.startswith("TOO NARROW"))
     width = min(member.mean_width for member in graph.members if member.axis is not None)
     said = float(narrow.partition("at 1:")[2].split()[0])
@@ -243,9 +243,7 @@ def test_the_page_for_model_makers_names_the_plate_and_stays_on_the_paper():
     pages["Building the model at 1:50"](paper)
     words = " ".join(text for text, *_ in paper.words)
     assert "base, 1:1" in words
-    assert (
-        "Layers from the inside: what is kept around supports and loads (ring, band), then rim, then B, then A" in words
-    )
+    assert "Layers from the inside: kept material at supports and loads (ring, band), then rim, then B, then A" in words
     assert all(x >= 0 and x + wide <= PAPER_WIDTH and 0 <= y <= PAPER_HEIGHT for _, x, y, wide, _ in paper.words)
     for (_, _, y, *_), (_, _, below, *_) in pairwise(paper.words[:-1]):
         assert below <= y + 1e-9

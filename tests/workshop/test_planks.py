@@ -224,7 +224,7 @@ def test_arches_are_assembled_before_purlins():
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
     assert [one for one in standing_order(vault.members, UP) if one in ("major", "minor")] == ["minor", "major"]
     thick = with_overrides(vault.preset, {"workshop.route": "planks", "workshop.depth": 0.1})
-    with pytest.raises(PatternError, match=r"100 mm deep of boards 80 mm thick do not stand upright: set workshop\.t"):
+    with pytest.raises(PatternError, match=r"100 mm deep and 80 mm thick does not stand upright: set workshop\.t"):
         workshop_plan(Design.from_preset(thick, vault).until("slicing"))
     model = with_overrides(vault.preset, {"workshop.route": "planks", "workshop.model": 50})
     with pytest.raises(PatternError, match="a model is built of strips"):
@@ -237,7 +237,7 @@ def test_planks_of_a_vault_stand_on_the_ground_and_its_files_are_the_same_twice(
     words = ["workshop", "barrel_vault", *(x for change in changes for x in ("--set", change))]
     assert main([*words, "--ifc", "-o", str(tmp_path / "one")]) == 0
     said = capsys.readouterr().out
-    assert "18 upright planks, 200 mm deep and 30 mm thick, are bent across themselves" in said
+    assert "18 upright planks, 200 mm deep and 30 mm thick, are bent out of their plane" in said
     assert "ends at supports are cut along the ground" in said
     assert main([*words, "--ifc", "-o", str(tmp_path / "two"), "--quiet"]) == 0
     one, two = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two"))
@@ -259,4 +259,4 @@ def test_crowded_and_steep_slots_give_a_note():
     assert any(line.startswith("NOT POSSIBLE: these slots are omitted") for line in thick.lines)
     assert thick.planks.crowded
     bolts = plan_of("sphere", 0.4, PlankStock(0.018, 0.12, 0.09, "cover", (0.02, 0.008)))
-    assert any(line.startswith("NOT TO SLIDE TOGETHER") for line in bolts.lines) == bool(bolts.planks.stuck)
+    assert any(line.startswith("NOT POSSIBLE to slide together") for line in bolts.lines) == bool(bolts.planks.stuck)

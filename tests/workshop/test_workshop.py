@@ -205,7 +205,7 @@ def test_splices_of_a_vault_share_few_covers_whose_holes_fit_their_pieces(vault,
 
 def test_a_note_says_how_few_shapes_parts_have_if_five_millimetres_do_not_count(plan):
     (note,) = (note for note in plan.notes if "workshop.alike" in note)
-    words = r"\d+ parts of (\d+) shapes; workshop.alike = (\S+) makes them (\d+) or fewer"
+    words = r"\d+ parts of (\d+) shapes; workshop.alike = (\S+) leaves (\d+) shapes or fewer"
     shapes, distance, fewer = re.fullmatch(words, note).groups()
     assert (int(shapes), float(distance)) == (len(plan.equal_parts), 0.005)
     assert int(fewer) < int(shapes)
@@ -332,7 +332,7 @@ def test_laths_of_the_gridshell_are_bent_to_half_their_thickness_over_the_radius
     assert found.bending == pytest.approx(0.009 * across, rel=0.05)
     assert found.bending < limit
     assert found.thickest == pytest.approx(2 * limit / across, rel=0.05)
-    assert any("of 0.24% allowed" in line for line in found.lines)
+    assert any("allowed: 0.24%" in line for line in found.lines)
 
 
 @pytest.mark.slow
