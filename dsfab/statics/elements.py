@@ -183,7 +183,7 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
 """Elements for each use. Bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these elements."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
-"""All `Elements` whose results reports may show."""
+"""`Elements` whose results reports may show."""
 
 
 def elements_of(use: Quantity | Aid) -> Elements:

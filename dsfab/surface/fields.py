@@ -360,7 +360,7 @@ class DividedField:
 
     @property
     def columns(self) -> "tuple[DividedField, ...]":
-        """This field as fields with one value per vertex: a field for each column of x."""
+        """One field with one value per vertex for each column of x."""
         return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
 
     def at_points(self, points: Floats) -> Floats:
