@@ -131,7 +131,7 @@ def test_a_bridge_is_the_same_left_and_right():
 @pytest.mark.parametrize(
     ("words", "shift", "says"),
     [
-        (["rot:6:z"], 0.0, r"the surface is not symmetric: a mirrored or rotated copy is up to 0\.\d+ m off"),
+        (["rot:6:z"], 0.0, r"the surface is not symmetric: a mirrored or rotated copy is 0\.\d+ m from it"),
         (["x"], 0.5, r"the loads are not symmetric: their resultants differ by \d+%"),
         (["rot:4:z"], 0.5, "the loads are not symmetric: their resultants differ"),
     ],
@@ -149,7 +149,7 @@ def test_loads_whose_resultants_agree_but_that_lie_elsewhere_are_refused():
     for angle in (0.3, 0.3 + np.pi):
         near = np.linalg.norm(plate.V[:, :2] - 0.6 * np.array([np.cos(angle), np.sin(angle)]), axis=1) < 0.25
         corners = corners + np.outer(near / near.sum(), [0, 0, -1.0])
-    with pytest.raises(PatternError, match=r"the loads are not symmetric: \d+% of the load has no equal image"):
+    with pytest.raises(PatternError, match=r"the loads are not symmetric: \d+% of the load has no mirrored or rotated"):
         symmetry_of(plate, ["rot:4:z"], LoadCase(load.fixed, corners, load.loaded))
     assert symmetry_of(plate, ["rot:2:z"], LoadCase(load.fixed, corners, load.loaded)).order == 2
 
@@ -164,7 +164,7 @@ def test_supports_are_compared_by_place_and_by_direction():
     assert symmetry_of(plate, ["y"], one_side).order == 2
     rollers = LoadCase(load.fixed & [True, False, True], load.force, load.loaded)
     assert symmetry_of(plate, ["x", "y"], rollers).order == 4
-    with pytest.raises(PatternError, match="the symmetry turns supports that hold only xz"):
+    with pytest.raises(PatternError, match="a mirror or rotation turns supports that hold only xz to new axes"):
         symmetry_of(plate, ["rot:4:z"], rollers)
 
 
@@ -214,5 +214,5 @@ def test_up_to_three_tenths_of_a_load_may_lie_elsewhere_than_its_image(share, is
     if is_symmetric:
         assert symmetry_of(plate, ["x"], uneven).order == 2
         return
-    with pytest.raises(PatternError, match=r"\d+% of the load has no equal image"):
+    with pytest.raises(PatternError, match=r"\d+% of the load has no mirrored or rotated counterpart"):
         symmetry_of(plate, ["x"], uneven)

@@ -238,7 +238,7 @@ SPOILT = {
     "a triangle is missing": (lambda p: replace(p, F=p.F[1:]), "reads back with 11 triangles instead of 12"),
     "a triangle is turned": (lambda p: replace(p, F=np.r_[p.F[:1, ::-1], p.F[1:]]), "open at 3 edges"),
     "in metres": (lambda p: replace(p, V=p.V / 1000), "the bounding box"),
-    "moved": (lambda p: replace(p, V=p.V + [5, 0, 0]), "reads back 5 mm away"),
+    "moved": (lambda p: replace(p, V=p.V + [5, 0, 0]), "differs by 5 mm when read back"),
     "dented": (lambda p: replace(p, V=np.r_[p.V[:1] + 4, p.V[1:]]), "volume"),
 }
 

@@ -74,7 +74,7 @@ def test_a_slow_smooth_file_is_written_when_planar_faces_are_too_many(
     assert faces(path) < 30
     assert said[0].startswith("STEP is smooth")
     assert re.search(
-        r"; the file's time was not limited, because faceted it would have [\d,]+ planar faces, more than", said[0]
+        r"; writing the file had no time limit, because faceted it would have [\d,]+ planar faces, more than", said[0]
     )
     assert chosen(solid, step=StepOptions(curved=curved, faces=60)).way == "smooth"
     assert chosen(solid, step=StepOptions(curved=curved)).way == "faceted"
@@ -240,7 +240,7 @@ def test_facets_replace_a_smooth_solid_that_occt_cannot_cut(slow_vault, inspecte
         step.encode(smooth)
     monkeypatch.setattr(step, "LIGHT", 0.01)
     assert b"B_SPLINE" in b"".join(step.encode(smooth))
-    fails = "; cutting it in CAD fails (a trial cut in OCCT leaves an invalid half): write step = 'faceted'"
+    fails = "; cutting the part in CAD fails (a trial cut in OCCT leaves an invalid half): write step = 'faceted'"
     assert fails in strategies.route_sentence(smooth, [])
     cut.update(halves=True, off=0.0, box=part.box.ravel().tolist())
     derived_results(smooth).clear()
@@ -311,7 +311,7 @@ def test_compact_is_smooth_and_names_the_way_that_cad_can_cut(tmp_path, slow_vau
     said = list[str]()
     write(solid, tmp_path / "a.step", step=StepOptions("compact", curved=curved), note=said.append)
     assert said[0].startswith("STEP is smooth")
-    assert said[0].endswith("; cutting it in CAD may fail: write step = 'faceted' to cut it there")
+    assert said[0].endswith("; cutting the part in CAD may fail: write step = 'faceted' to cut it there")
 
 
 def test_a_file_that_cad_cannot_cut_gives_a_note_with_the_way_to_use(slow_vault):

@@ -203,7 +203,8 @@ def test_the_summary_of_a_frame_explains_its_difference_from_the_sheet():
     assert "although the bays are slender" in FrameAgreement("wind", 1.3, 1.0, 0.1).summary
     assert "thin sheet" not in FrameAgreement("wind", 1.0, 1.0, 0.1, 1.01).summary
     assert FrameAgreement("wind", 1.0, 0.97, 0.1, 1.226).summary.endswith(
-        "0.97 times its largest displacement, which is 1.23 times that of a thin sheet, because ribs twist as bars"
+        "0.97 times its largest displacement; "
+        "the sheet moves 1.23 times as far as a thin sheet, because ribs twist as bars"
     )
 
 

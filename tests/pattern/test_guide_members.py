@@ -99,7 +99,7 @@ def test_a_curve_across_the_stress_names_the_family_that_runs_there():
 
 
 def test_invalid_member_guides_are_refused_in_one_sentence():
-    with pytest.raises(GuideError, match="member is for a curve; remove member"):
+    with pytest.raises(GuideError, match="member is for a curve; remove the key"):
         Guide(at={"pick": "all"}, direction=(1.0, 0.0, 0.0), member=True)
     with pytest.raises(PresetError, match=r"guide\.0 is a major member, but families = 'minor'; set the family"):
         load_preset("dome", {"pattern.families": "minor", "pattern.guide": [{"curve": straight(0), "member": True}]})

@@ -169,8 +169,8 @@ def test_a_guessed_unit_with_an_unlikely_size_lists_sizes_in_other_units(tmp_pat
     file = obj(tmp_path / "room.obj", Surface(roof.V / np.ptp(roof.V, axis=0) * sides, roof.F))
     choice = next(one.choice for one in propose(file).decisions if one.topic == "unit")
     assert told in choice
-    assert ("the file does not say" in choice) == bool(told)
-    assert not any("the file does not say" in one.choice for one in propose(file, "in").decisions)
+    assert ("the file names no unit" in choice) == bool(told)
+    assert not any("the file names no unit" in one.choice for one in propose(file, "in").decisions)
 
 
 def test_a_bowl_is_no_dome_on_its_side():

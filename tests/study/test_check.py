@@ -206,7 +206,7 @@ def test_the_preset_beside_the_file_is_found_and_the_file_read_once(design, tmp_
     assert found["volume_m3"] == pytest.approx(design.solid.volume, rel=1e-6)
     assert main(["check", str(path), "--no-solid", "--set", "statics.thickness=0.012"]) == 1
     assert (
-        "is it the design              fail     its surface is 1 mm from the design's surface; the limit is 0.6 mm"
+        "is it the design              fail     the file is 1 mm from the design's surface; the limit is 0.6 mm"
         in capsys.readouterr().out
     )
 
