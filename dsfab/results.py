@@ -24,7 +24,7 @@ class CaseResult:
     sigma   : (m, 3, 3) stress of the middle surface, Pa. For a flat sheet that only bends: of its lower side.
     answers : further results of the sheet, which may come from other finite elements.
     factors : factors of the cases in a combination; None for a case.
-    layered : (m, 3, 3) stress of all layers (`layer_stress`), Pa, if the pattern follows it; else None."""
+    layered : (m, 3, 3) stress of all layers (`layer_stress`), Pa, if stripes run along this stress; else None."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -190,15 +190,15 @@ class PatternResult:
     fields      : values at vertices, (n,), or (n, 2) for stripes of varying width; at corners of faces for evenly
                   spaced stripes; on divided faces for kept regions. A point has material if an odd number of
                   levels lie below the field value there. A family may have several fields, coarse lines first.
-    half_widths : (n,) d for each field: a family has material where |z - k| < d for an integer k. On modes, z is
-                  frequency x + phase; on even stripes, the phase of the used lines. d of other fields is infinite.
+    half_widths : (n,) d for each field: a family has material where |z - k| < d for an integer k. For stripes on modes,
+                  z is frequency x + phase. For even stripes, z counts the remaining lines. For other fields, d = inf.
     factor      : factor on the widths, which gives pattern.width.solid_fraction; 1 without this key.
     frequency   : frequencies of the major and of the minor stripes, from `spacing` if the preset has it.
     mode, phase : modes and phases of both families; for `auto` the results.
     choice      : trials for `auto`, or None.
-    even        : lines of evenly spaced stripes; None for stripes on modes.
+    even        : lines of evenly spaced stripes; None for stripes that follow diffusion modes.
     asked       : section [pattern] of the preset, with a value in place of each `auto`; None without `auto`.
-    tidy        : stripes that lead nowhere and are removed, or None.
+    tidy        : rules by which finishing removes stripes, or None.
     attempts    : trials for the method `auto`, best first; empty for another method.
     trial       : last cut of the search for widths, for use by slicing; not pickled."""
 
@@ -290,7 +290,7 @@ ROWS = {
     "slicing": ("slicing",),
     "thickening": ("thickening",),
 }
-"""Rows of the timing table of each stage."""
+"""Rows of the timing table, by stage; each row is a key of `Log.seconds`."""
 PARTS = {"statics": ("factor",)}  # Timing rows whose seconds are part of another row, by stage.
 Progress = Callable[[str, str], None]  # Receives the name of a stage and a message about its step.
 
@@ -337,7 +337,7 @@ class Log:
         self.notes.extend(note for note in earlier.notes if note.stage == stage)
 
     def of_stages(self, stages: Sequence[str], progress: Progress | None) -> "Log":
-        """Return a log with the seconds and notes of these stages, for a revision."""
+        """Return a log with the seconds and notes of given stages, for a new design that reuses their results."""
         log = Log(progress, file=self.file if "surface" in stages else None)
         for stage in stages:
             log.add_stage(self, stage)

@@ -77,7 +77,7 @@ def bench(
     step: Annotated[bool, Switch(help="Include STEP in the export column.")] = False,
     json_: Annotated[bool, Switch(name="--json", help="Print a JSON list instead of a table.")] = False,
 ) -> int:
-    """Time presets stage by stage, as the paper's Table 2 does, with peak memory.
+    """Time presets stage by stage, with peak memory, as in Table 2 of the paper Diffusion Structures (2020).
 
     Export writes and reads back the preset's formats, without STEP unless --step is set."""
     if preview:

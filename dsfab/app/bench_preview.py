@@ -92,7 +92,7 @@ def _frames(
     scenes: "dict[str, Scene]", shaders: "dict[str, StripeShader | None]", view: "View"
 ) -> dict[str, list[tuple[float, float, float]]]:
     frame_times: dict[str, list[tuple[float, float, float]]] = {}
-    for kinds in (("plain", "shader", "graded"), ("walls",)):  # kinds alternate: other programs slow them down equally
+    for kinds in (("plain", "shader", "graded"), ("walls",)):  # kinds of frames alternate, for a fair comparison
         start, number = time.perf_counter(), 0
         while number < 5 or time.perf_counter() - start < SECONDS:
             for kind in kinds:

@@ -39,7 +39,7 @@ USUAL = Output()
 
 
 class BuildPage:
-    """Printer of each result of a build when it is known. faulty : True if the design does not carry its loads."""
+    """Printer of build results, each as soon as it is known. faulty : True if the design does not carry its loads."""
 
     def __init__(self, output: Output) -> None:
         self.output, self.faulty, self._count = output, False, 0

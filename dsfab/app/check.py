@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 QUESTIONS = {
     "solid": "is it a solid",
     "unit": "is the unit right",
-    "cut": "can CAD programs cut it",
+    "cut": "can CAD programs cut the solid",
     "wall": "is every wall thick enough",
     "gap": "is every gap wide enough",
     "design": "is it the design",
@@ -58,7 +58,7 @@ class Reading:
 
     unit: Annotated[str | None, Parameter(help="Unit of an STL file's numbers: mm, cm, m, in, ft [mm].")] = None
     max_triangles: MaxTriangles = None
-    density: Annotated[float, Parameter(help="kg/m3, for the mass [the preset's].")] = 0.0
+    density: Annotated[float, Parameter(help="Density for the mass, kg/m3 [the density in the preset].")] = 0.0
 
     def contents(self, file: Path, deflection: float) -> "FileContents":
         """Read a file; `deflection` (m) is the largest distance of its triangles from curved faces of STEP."""
@@ -240,7 +240,7 @@ def _reason(finding: "Finding", checked: "FileCheck") -> str:
         return f"as a solid it is {abs(softening):.1%} {'softer' if softening > 0 else 'stiffer'} than as a shell"
     if finding.name == "design" and finding.verdict == "fail" and checked.distance is not None:
         distance, allowed = checked.distance.beyond + checked.distance.allowed, checked.distance.allowed
-        return f"its surface is {length(distance)} from the design's surface; the limit is {length(allowed)}"
+        return f"the file is {length(distance)} from the design's surface; the limit is {length(allowed)}"
     return finding.reason
 
 
@@ -248,7 +248,7 @@ def _unit_reason(checked: "FileCheck") -> str:
     read = checked.found.unit
     if (distance := checked.distance) is not None:
         return (
-            f"read in {read} it is {distance.scale:.4g} times as large as the design, so its unit is probably "
+            f"read in {read}, the file is {distance.scale:.4g} times as large as the design, so its unit is probably "
             f"{distance.meant_unit}; scale the file, or give --unit if the recipient knows the unit"
         )
     wall = checked.clearances.wall if checked.clearances else None

@@ -38,8 +38,8 @@ class Nonlinear:
     check_edge: Annotated[
         float | None,
         Parameter(
-            help="Edge length of the triangles, metres. A design with shorter edges is cut again with this length, "
-            "without fillets; 0: the sheet as it is [the design's length, without fillets]."
+            help="Smallest edge length of the triangles, metres. dsfab cuts a design with shorter edges again, without "
+            "fillets. 0 keeps the design's sheet and its fillets [the design's edges, without fillets]."
         ),
     ] = None
     minutes: Annotated[float, Parameter(help="Time limit for each of the two or three runs of CalculiX.")] = 60.0

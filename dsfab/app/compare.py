@@ -51,7 +51,7 @@ def comparison_text(share: float | None, result: "Comparison") -> str:
             lines.append(_spread_line(entry, result))
     theories = {entry.name: entry.judgement.theory for entry in result.competitors if entry.judgement}
     if softer := [f"{name} by up to {percent(theory)}" for name, theory in theories.items() if theory]:
-        lines.append(f"thin-shell theory: solids are softer, {', '.join(softer)}")
+        lines.append(f"thin-shell theory: solids are softer than thin sheets ({', '.join(softer)})")
     lines += [line for entry in result.competitors for line in _mode_lines(entry)]
     for entry in result.rivals:
         gain = result.gain(entry.name)
@@ -121,8 +121,9 @@ class Questions:
     level: Annotated[
         Literal["quick", "full"] | None,
         Parameter(
-            help="quick: solve each structure once. full: solve finer and finer meshes, for a compliance with a bound "
-            "[full; quick with --volumes, and for cut competitors if all checks in full would take over a minute]."
+            help="quick: solve each structure once. full: solve finer and finer meshes, and bound the error of the "
+            "compliance [full; quick with --volumes; quick for competitors with openings if all full checks would take "
+            "over a minute]."
         ),
     ] = None
     buckling: Annotated[bool, Switch(help="Also compute the lowest buckling factor of each structure.")] = False

@@ -50,7 +50,7 @@ TO_HELP = (
     "Section forces n, m and q of the cut sheet, in every face: forces.vtu, forces.csv; N, V and M along each member: "
     "member_forces.csv, member_forces.xlsx (a worksheet for each member); utilisation by Eurocode 3 or 5: "
     "member_utilisation.csv. A beam model for SCIA, RFEM and others: saf.xlsx, or saf for short; for OpenSees: tcl, or "
-    "opensees; for CalculiX: beams.inp. A check: calculix. [as the suffix of -o]"
+    "opensees; for CalculiX: beams.inp. Finite elements of the sheet for CalculiX: calculix. [as the suffix of -o]"
 )
 
 SheetName = Literal["uncut", "cut"]

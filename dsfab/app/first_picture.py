@@ -43,7 +43,7 @@ class FirstPicture:
 
     @property
     def draws_sketches(self) -> bool:
-        """True if the process draws a sketch."""
+        """True if the drawing process draws a sketch."""
         return self._told is not None
 
     def __enter__(self) -> Self:

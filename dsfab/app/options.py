@@ -200,7 +200,7 @@ class Source(MeshFlags):
         return replace(self, set_=(*self.set_, *texts))
 
     def command_words(self, name: str) -> list[str]:
-        """Return the words of a command line for the preset `name` with the options of this source."""
+        """Return the words of a command line: the preset `name`, then the options that the user gave."""
         words = [name, *(word for text in self.set_ for word in ("--set", text))]
         words += ["--mesh", str(self.mesh)] if self.mesh is not None else []
         words += ["--unit", self.unit] if self.unit is not None else []
@@ -262,7 +262,7 @@ NO_FLAGS = StepFlags()  # No option is set, so the preset's own STEP options app
 
 
 def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
-    """Print the cost of a design's STEP file without writing it."""
+    """Print the estimated faces, size, times and memory of a design's STEP file, without writing the file."""
     from dsfab.design import run
 
     with reporter:

@@ -110,7 +110,7 @@ def preview(
     watch: Annotated[bool, Switch(help="Draw again when the preset file is saved, until Ctrl-C.")] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Draw a preset in a few seconds. Evenly spaced stripes look as built; the uncut sheet shows all other pictures.
+    """Draw a preset in a few seconds: evenly spaced stripes as built, other patterns and all fields on the uncut sheet.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ class Work:
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
-        """Return the sweep's folder; None for a new sweep without -o. Raises DsfabError if -o is another folder."""
+        """Return the sweep's folder; None for a new sweep without -o. Raises DsfabError if -o differs from `what`."""
         if _is_sweep_folder(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
                 raise DsfabError(f"{what} is a sweep's folder, and the sweep continues in it; leave out -o")
@@ -168,7 +168,7 @@ def _is_sweep(path: Path) -> bool:
     try:
         values = toml_table(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, TomlError):
-        return path.suffix == ".toml"  # the reader of sweep files reports the fault of the file
+        return path.suffix == ".toml"  # for a faulty .toml file, `read_plan` reports the fault
     return not {"preset", "vary", "linked"}.isdisjoint(values)
 
 

@@ -102,9 +102,9 @@ def verify(
     ] = False,
     out_: Annotated[Path, Parameter(name=["--out", "-o"], help="Folder for --page and --calibration.")] = PAGE,
 ) -> int:
-    """Solve plates, beams, shells and vessels with published answers, and print the error of each pair of elements.
+    """Solve plates, beams, shells and vessels with published answers. Print the error of each kind of finite element.
 
-    The exit code is 1 if a pair that gives dsfab's results misses the tolerance on the finest mesh of a test.
+    The exit code is 1 if elements that dsfab uses for results miss the tolerance on the finest mesh of a test.
 
     Parameters
     ----------

@@ -156,7 +156,7 @@ PAPER_SIZES = {
 
 
 def options_source(source: Source, model: str | None, stock: str | None, thickness: str | None) -> Source:
-    """Return a source with the changes of --model, --stock and --thickness. Raises PresetError for an invalid value."""
+    """Return `source` with overrides for --model, --stock and --thickness. Raises PresetError for an invalid value."""
     texts = []
     if model is not None:
         set_values = source.set_values()

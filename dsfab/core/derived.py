@@ -18,13 +18,13 @@ class DerivedResults(dict[Any, Any]):
 
 
 def derived_results(value: object) -> DerivedResults:
-    """Return the results that a value stores. The value must have a `__dict__` and must not change."""
+    """Return the results that are stored in an immutable object. The object must have a `__dict__`."""
     results: DerivedResults = vars(value).setdefault("_derived_results", DerivedResults())
     return results
 
 
 def derived(function: Callable[[V], R]) -> Callable[[V], R]:
-    """Decorate a function of one frozen value: the value stores the result, which is then computed only once."""
+    """Decorate a function of one immutable object, so that the object stores the result for later calls."""
 
     @wraps(function)
     def held(value: V) -> R:

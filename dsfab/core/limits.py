@@ -38,7 +38,7 @@ OUTLINE = 1 / 40  # Default tolerance of lines and planar outlines, divided by t
 OFF_SURFACE = 1 / 20
 """Default limit for the distance between the solid in a file and the solid of the design, divided by the thickness.
 The limit applies to smoothed solids, to simplified solids, and to files with curves."""
-SIMPLIFIED_OFF_SURFACE = 2  # Factor on `OFF_SURFACE` for planar solids with too many faces for a file.
+SIMPLIFIED_OFF_SURFACE = 2  # Factor on `OFF_SURFACE` for solids with planar faces, if they have too many for a file.
 DEFLECTION = 1 / 4  # Largest distance between curved faces and the triangles that check them, divided by `OFF_SURFACE`.
 CHANGED_VOLUME = 5e-3  # Largest relative change of a volume by curves or by fewer triangles.
 READ_BACK = 1e-3  # Largest relative error of volume, area, lengths and box in a file.

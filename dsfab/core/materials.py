@@ -66,7 +66,7 @@ _ALL = (
     ),
     NamedMaterial(
         *("CLT", 5.5e9, 0.1, 420.0, 4.6e6, 5e-6),
-        says="tension along the boards 14.5 MPa / 2 x 0.8 / 1.25; / 2, also for young: half of the layers run across",
+        says="tension along the boards 14.5 MPa / 2 x 0.8 / 1.25; half of the layers run across, and young is halved",
         source="C24 of EN 338; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
     ),
     NamedMaterial(
@@ -82,7 +82,7 @@ _ALL = (
     NamedMaterial(
         *("concrete C30/37", 33e9, 0.2, 2500.0, 20e6, 10e-6),
         says="compression 30 MPa / 1.5; reinforcement carries the tension",
-        source="EN 1992-1-1, 3.1 and table 3.1, uncracked; reinforced, density EN 1991-1-1",
+        source="EN 1992-1-1, 3.1 and table 3.1, for uncracked concrete; density of reinforced concrete: EN 1991-1-1",
     ),
     NamedMaterial(
         *("GFRP", 17e9, 0.23, 1800.0, 57e6, 10e-6),
@@ -121,12 +121,12 @@ _STOCK = (
         *("LVL 48 P", "21 24 27 30 33 39 45 51 57 63 69 75 90 102 114 126 138 150 189 225 300"),
         "panels of manufacturers up to 75 mm; two to four panels are glued for more",
     ),
-    ("CLT", "60 80 90 100 120 140 160 180 200 220 240 260 280 300 320", "panels of manufacturers, 3 to 8 layers"),
+    ("CLT", "60 80 90 100 120 140 160 180 200 220 240 260 280 300 320", "manufacturers' panels with 3 to 8 layers"),
     ("plywood", "4 6.5 9 12 15 18 21 24 27 30 35 40 45 50", "birch plywood, Handbook of Finnish Plywood"),
     ("aluminium 6082", "2 3 4 5 6 8 10 12 15 20 25 30 35 40 50 60 80 100", "plates of EN 485"),
     ("concrete C30/37", "40 50 60 70 80 90 100 110 120 140 160 180 200 220 240 270 300 350 400", "steps of a formwork"),
     ("GFRP", "3 5 6 8 10 12 15 20 25 30 40", "pultruded plates of manufacturers, single or two glued together"),
-    ("PLA", "0.8 1 1.2 1.6 2 2.4 3 4 5 6 8 10 12 14 16 20 24 30", "whole layers of 0.2 mm of a printer"),
+    ("PLA", "0.8 1 1.2 1.6 2 2.4 3 4 5 6 8 10 12 14 16 20 24 30", "multiples of a printer's layers of 0.2 mm"),
 )
 STOCK = {
     name: Stock(tuple(map(float, sizes.split())), source)

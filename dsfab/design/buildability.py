@@ -110,7 +110,7 @@ def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
             count = "1 vertex" if entry.vertices == 1 else f"{entry.vertices} vertices"
             yield Objection(
                 f"{entry.name} holds only {count}, at {point_words(entry.place)}, and carries up to {share:.0%} of the "
-                "reaction: the stress there depends on the mesh; support a region, with the picker `ball` or a depth",
+                "reaction: the stress there depends on the mesh; support a region: use pick = 'ball' or raise depth",
                 refuses=False,
             )
 

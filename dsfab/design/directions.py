@@ -36,7 +36,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return three axes, rows (3, 3), that fix signs and bases of modes. They depend only on loads and supports."""
+    """Return three axes, rows (3, 3), for the signs of modes and the bases of modes with equal eigenvalues."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -58,8 +58,8 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
         asymmetry = max(symmetry.asymmetry(surface, x) for modes in (major, minor) for x in modes.X.T)
         log.note(
             "diffusion",
-            f"modes are symmetric ({', '.join(options.symmetry)}, {symmetry.order} images), with an error of "
-            f"{asymmetry:.1g} of their size on this mesh",
+            f"modes are symmetric ({', '.join(options.symmetry)}, {symmetry.order} images), with a relative error of "
+            f"{asymmetry:.1g} on this mesh",
         )
     # for errors below 10 %, 3.2 sqrt(r) mesh edges from side to side of the surface suffice
     edge = np.sqrt(surface.area) / (3.2 * np.sqrt(options.r))
@@ -94,7 +94,8 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
     hint = ', and labelling = "signed" separates tension from compression' if labelling == "magnitude" else ""
     return (
         f"{share:.0%} of the surface has no clear stress direction, because one principal stress is {alike} as the "
-        f"other: there stripes continue nearby directions; diffusion.isotropy = 0 follows any difference{hint}"
+        "other: there stripes take the direction of nearby stripes; with diffusion.isotropy = 0, stripes follow even "
+        f"the smallest difference of the stresses{hint}"
     )
 
 
@@ -112,12 +113,12 @@ class Steering:
     loops: tuple[LoopSurroundings, ...] = ()
 
     def with_loops(self, frames: Frames, stress: StressDirections) -> "Steering":
-        """Return these changes with one more guide around each of `loops`."""
+        """Return a `Steering` with an additional guide around each loop of `loops`."""
         around = (loop.guidance(frames, stress, self.turn) for loop in self.loops)
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return how clear the stripe direction is on each face (m,), 0 to 1. stress : (m,) the same without guides."""
+        """Return how clear the stripe direction is on each face (m,), 0 to 1. stress : (m,) clarity without guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:

@@ -65,7 +65,7 @@ class StripeDirections:
     """Directions of both families, and the input for their phases.
     given      : directions of the principal stresses.    along : (n, 3) directions of major stripes at vertices.
     confidence : (m,) clearness of the direction on each face, 0 to 1.
-    moved      : (n,) magnitude of each vertex's displacement under the followed loads, in any unit.
+    moved      : (n,) displacement of each vertex under the loads whose stress the pattern follows, in any unit.
     members    : guide curves that become members."""
 
     frames: Frames
@@ -169,7 +169,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) of vertices where families exchange names; empty with guides or if symmetric images differ."""
+    """Return a mask (n,) of vertices where the families swap names; all False with guides, rotation or asymmetry."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -190,7 +190,7 @@ class FamilyCourse:
 
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
-        """Return the course of the family `name`. The vertices' weights `start` are the stress to the fourth power."""
+        """Return directions and density of family `name`. The weights `start` are the stress to the fourth power."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -257,7 +257,7 @@ def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floa
 
 
 def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the stress in the middle of the thickness, as optimal forces require."""
+    """Return True if the pattern follows the membrane stress, without bending. Optimal forces need membrane stress."""
     cases = [statics.cases[name] for name in preset.followed_weights]
     return all(case.layered is None for case in cases) and not is_slab(surface, [case.answers for case in cases])
 
@@ -331,7 +331,7 @@ def _redrawn_lines(
         redo = [k for k, lines in enumerate(families) if lines.most > 0 and abs(deviations[k]) > limit]
         if not redo:
             break
-        for k in redo:  # the spacing is only known afterwards, because lines end at openings
+        for k in redo:  # the mean spacing is only known after halving, which ends some lines early
             wider = spacings[k] * float(np.exp(deviations[k]))
             families[k] = courses[k].lines(wider) if halve else courses[k].without_halving.lines(spacings[k])
         tries.append(_DividedFamilies.from_lines(directions, *families))

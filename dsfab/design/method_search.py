@@ -223,7 +223,7 @@ def method_candidates(
     if method == "modes":
         variant_preset = variant_preset.with_pattern(forces="uncut")
     if method == "modes" and preset.pattern.tidy is None and preset.pattern.families == "both":
-        variant_preset = variant_preset.with_pattern(tidy=True)  # stripes on modes have loose ends
+        variant_preset = variant_preset.with_pattern(tidy=True)  # stripes on eigenmodes have loose ends
     log.report("pattern", f"trying {title}: cutting and solving")
     scratch = replace(log, notes=[])
     try:

@@ -68,7 +68,7 @@ class Trial:
         return self.compliance(self.surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
-        """Try two modes and two phases (of major and minor stripes). If they fail, the candidate has the reason."""
+        """Try modes and phases of major and minor stripes. An error message is stored in the candidate."""
         try:
             return self.result(self.preset.with_modes(mode, phase)).candidate
         except DsfabError as error:
@@ -110,7 +110,7 @@ class Trial:
         return CarryingSheet(cells, sheet, *shares, count, tidy)
 
     def loads_on(self, sheet: Sheet) -> dict[str, LoadCase]:
-        """Return the loads that the pattern follows, on a sheet, by name."""
+        """Return the loads on a sheet, by name. The pattern follows the stress of these loads."""
         return loads_on(self.surface, sheet, self.loads)
 
     def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
@@ -162,14 +162,14 @@ def stressed_step(
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the choice, sorted again: modes and phases that are stiffest with the width rule `stressed` come first.
-    The rule is tried for the best three pairs of modes and for the pair with the lowest mode numbers."""
+    """Return the candidates in a new order: modes and phases that are stiffest with the rule `stressed` come first.
+    Only the best three pairs of modes and the pair with the lowest mode numbers are tried with this width rule."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
     carry = {mode: candidate for mode, candidate in leading.items() if not candidate.refused}
     finalists = list(carry.values())[:3]
-    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # stressed widths may help the lowest pair most
+    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # stressed widths may help the lowest modes most
     if len(finalists) < 2:
         return choice
 
@@ -222,7 +222,7 @@ class StressedTrial(Trial):
         carrying = self.carrying(layers)
         options = self.preset.pattern
         requested = options.width.solid_fraction
-        if options.forces == "optimal":  # a correction: `_share` includes ends that are removed later
+        if options.forces == "optimal":  # correct the share: `_share` counts ends of members that are removed later
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))

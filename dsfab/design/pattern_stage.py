@@ -48,8 +48,8 @@ def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log
         mean_turn, largest_turn = direction_change(surface, *stresses)
         log.note(
             "pattern",
-            f"directions follow the weight of the stripes, {share @ surface.areas / surface.area:.0%} of the uncut "
-            f"sheet's weight: directions turned by {mean_turn:.2g} degrees on average, by at most "
+            f"directions follow the stress under the weight of the stripes, {share @ surface.areas / surface.area:.0%} "
+            f"of the uncut sheet's weight: directions turned by {mean_turn:.2g} degrees on average, by at most "
             f"{largest_turn:.2g} on 95 % of the surface",
         )
     return even
@@ -61,7 +61,7 @@ def _follows_own_weight(preset: Preset, statics: StaticsResult) -> bool:
 
 
 def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) -> Floats:
-    """Return the share of each face (m,) that stripes and kept regions cover, averaged over symmetric images.
+    """Return the share of each face (m,) that stripes and kept regions cover: the mean over all symmetric faces.
     Widths are approximate. Corners are not rounded, and openings are not filled."""
     surface, sketch = analysis.surface, sketched_step(preset, analysis, even=even)
     polygons = tidied_polygons(surface, sketch.fields, sketch.levels, SHARE_SNAP, sketch.tidy)
@@ -91,8 +91,8 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
     """Return the mean and the 95 % quantile of the angle (degrees) between principal directions of two stresses (m, 3,
-    3). In the mean, the weight of a face is its area times the difference of its principal stresses `before`. The
-    quantile has areas as weights, and counts only faces with clear directions."""
+    3). In the mean, the weight of a face is its area times the difference of its two principal stresses in `before`.
+    The quantile has areas as weights, and counts only faces with clear directions."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
     axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
@@ -118,7 +118,7 @@ class EarlierStripes(NamedTuple):
 
 
 class ChosenMethod(NamedTuple):
-    """The chosen method with its stripes (`way`), before widths are computed; all attempts of a search, best first."""
+    """Chosen pattern method and its stripes without widths (`way`). attempts : trials of a search, best first."""
 
     way: MethodCandidate
     attempts: tuple[Attempt, ...] = ()

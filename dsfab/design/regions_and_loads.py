@@ -113,19 +113,19 @@ def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges
 
 
 def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
-    """Return a sentence about regions that are less symmetric than the stripes; '' if there are none."""
+    """Return a sentence about regions with less symmetry than the stripes of the pattern; '' if there are none."""
     if symmetry is None:
         return ""
     exceptions = []
     for k, region in enumerate(regions):
         if region.do == "void":
-            continue  # voids were considered with the symmetry of the surface
+            continue  # voids are cut out of the surface, so `symmetry` already considers them
         inside = region.faces(surface)
         differing_areas = [float(surface.areas @ (inside[images] != inside)) for images in symmetry.faces]
         matching = int((np.array(differing_areas) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())
         if matching < symmetry.order:
             exceptions.append(f"{region_key(regions, k)} at {matching}")
-    message = f"the stripes have a symmetry of {symmetry.order} images, but some regions fewer: {', '.join(exceptions)}"
+    message = f"stripes match at {symmetry.order} symmetric images, but some regions at fewer: {', '.join(exceptions)}"
     return message if exceptions else ""
 
 

@@ -104,8 +104,8 @@ class WorkshopWidths(NamedTuple):
 
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     """Return the least widths of a preset on a surface, from [slicing] or by default; 0 without `pattern.workshop`.
-    The default for members is half of the thickness, about the width of a cutter. A larger limit in [slicing] is not
-    used here, because it widens members later."""
+    The default for members is half of the thickness, about the width of a cutter. If `slicing.min_member` exceeds the
+    default, this function returns the default, because slicing widens members later."""
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     slicing, thickness = preset.slicing, preset.statics.thickness
@@ -237,7 +237,7 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
         log.note("slicing", f"{bridges} built where openings are narrower than {length(options.neck)}")
     if spikes:
         teeth = _count_phrase(spikes, "a tooth of a member was", "teeth of members were")
-        log.note("slicing", f"{teeth} cut off, because they projected into openings")
+        log.note("slicing", f"{teeth} cut off: points that projected into openings")
     if widened:
         least = length(preset.slicing.min_member or 0)
         log.note("slicing", f"members were widened to {least} at {places_phrase(widened)}")
@@ -248,8 +248,8 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
 def filled_plate(
     options: Pattern, surface: Surface, load: LoadCase, pattern: PatternResult, cells: tuple[Sheet, Sheet]
 ) -> FilledOpenings | None:
-    """Return the largest group of filled openings if it forms a plate. Return None if it lies around a small closed
-    support.
+    """Return the largest group of filled openings if the group forms a plate. Return None for a group around a small
+    boundary loop that is supported.
     cells : all cells before finishing, and all cells after it."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
@@ -273,7 +273,7 @@ def _fillet_message(radius: float, radii: Floats) -> str:
     message = f"{len(radii)} corners of openings were rounded"
     if np.median(radii) < radius / 2:
         half = length(float(np.median(radii)))
-        return f"{message}; for lack of space, half have a radius below {half} (pattern.fillet: {length(radius)})"
+        return f"{message}; for lack of space, half of the radii are below {half} (pattern.fillet: {length(radius)})"
     return f"{message} with a radius of {length(radius)}, or less where space is lacking"
 
 
@@ -339,7 +339,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
         areas = surface.area, sheet.surface.area
         uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
         message = f"the cut sheet weighs {sheet_weight}; all results include this weight"
-        if not preset.pattern.rounds:  # with rounds, `stripes_under_own_weight` notes the followed weight
+        if not preset.pattern.rounds:  # else `stripes_under_own_weight` notes the weight that the directions follow
             message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):

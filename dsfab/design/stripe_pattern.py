@@ -117,11 +117,11 @@ def corrected_pattern(
     draw_pattern  : function that draws stripes. It gets the share that finishing will add, and a guessed width factor.
     nearest_share : function of a share. Of all shares measured for the latest stripes, it returns the nearest.
     added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
-    bridged_share : function that returns the share of added bridges. It is slow, so it runs only once if its result is
-                    0.
+    bridged_share : function that returns the share of added bridges. It is slow. After a result of 0, it is not called
+                    again.
 
-    Stripes get the requested share minus the added share. The added share jumps if openings close; then the search
-    tries the mean `aim` of two trials: one with too little material, one with too much."""
+    Stripes get the requested share minus the added share. The added share jumps if openings close. The search then
+    tries the mean share (`aim`) of a trial with too little material and a trial with too much material."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -212,7 +212,7 @@ class _MeasuredShares:
         return min(self.reached, key=lambda one: abs(one - target))
 
     def added(self, pattern: PatternResult) -> float:
-        """Finish the latest cut as a trial; return the share that finishing adds, mainly by rounded corners."""
+        """Finish the latest cut as a trial. Return added area / surface area, mainly from rounded corners."""
         self.trial = trial_cut(self.preset, self.given.surface, pattern, self.polygons)
         return self.trial.added_area / self.given.surface.area if self.trial else 0.0
 
@@ -282,7 +282,7 @@ def sketched_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern of `pattern_step` with approximate widths: sample points, not cuts, measure covered areas."""
+    """Return the pattern of `pattern_step` with approximate widths. Sample points give the share of material."""
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
@@ -301,8 +301,8 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 def least_width(preset: Preset, surface: Surface) -> float:
     """Return the default least width (m) of evenly spaced members of varying width. It is the thickness for graded
-    members, and the least width of a workshop for stressed members. So slicing does not have to widen
-    members, a slow step."""
+    members, and the least width of a workshop for stressed members. Slicing then does not have to widen members,
+    which would be slow."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -398,7 +398,7 @@ def layers_with_share(
 @dataclass
 class _CachedLayers:
     """Layers for width factors that are multiples of `factor`. The latest layers are stored.
-    layers : function of two width factors; returns layers.    closing : the second; it decides which openings close."""
+    layers : function of two width factors; returns layers.    closing : second factor; decides which openings close."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float

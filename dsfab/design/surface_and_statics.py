@@ -46,7 +46,7 @@ from dsfab.surface import SizeField, Surface, change_sizes, coincident, parallel
 class SolvedSheet:
     """Solution of a sheet for all loads, by one factorisation.
     acting    : cases and combinations.       plane : True for a flat sheet that is loaded in its plane.
-    made      : (N, N) stiffness, N/m, by the elements that solved the sheet.
+    made      : stiffness matrix (N, N), N/m, by kind of elements.
     factor_of : function that factorises a stiffness, and stores the factor.
     answers   : equilibrium under each load.    sigma : (m, 3, 3) stress (Pa) of the middle surface under each load."""
 
@@ -147,8 +147,8 @@ def _note_answers(
     if requested and elements.bending == "hhj" and facets > FACETS:
         log.note(
             "statics",
-            f"each flat face bends under pressure and weight (edge x fold / thickness = {facets:.2g}, better "
-            f"under {FACETS}), so that the largest stress is too high by up to this fraction; make the mesh finer "
+            "each flat face bends under pressure and weight, so the largest stress is too high by a fraction of up to "
+            f"{facets:.2g} (edge length x fold angle / thickness, better under {FACETS}); make the mesh finer "
             "(surface.edge, or surface.refine with smooth)",
         )
     for name, answers in named_answers:
@@ -262,7 +262,7 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
 """Range of the surface's size divided by the thickness. Other values raise an error: a unit must be wrong."""
-USUAL_SLENDERNESS = (10.0, 5e3)  # Range of this ratio (size / thickness) without a note.
+USUAL_SLENDERNESS = (10.0, 5e3)  # Usual range of the surface's size / thickness. Other values give a note to the user.
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
@@ -284,7 +284,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
 
 
 def checked_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
-    """Return `solved_sheet`, after checks of sizes and points. Raises SurfaceError if the thickness cannot be right."""
+    """Return `solved_sheet`. Raises SurfaceError for a wrong thickness, or for a support or load off the surface."""
     check_scale(preset, surface, log)
     for text in off_surface(preset, surface):
         log.note("statics", text)
@@ -392,7 +392,7 @@ def _source_surface(section: OwnSurface, log: Log | None) -> Surface:
             log.note("surface", f"{section.file.name}, {remark}")
         if any(section.origin):
             offset = coordinates(section.origin)
-            log.note("surface", f"the origin of output files is {offset} m in the mesh; IFC files state this point")
+            log.note("surface", f"the origin of output files is the mesh point {offset} m; IFC files state this point")
     return file.surface
 
 

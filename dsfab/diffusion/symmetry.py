@@ -30,9 +30,9 @@ from dsfab.surface import (
 
 IMAGE_OFF_SURFACE = 0.25  # Largest distance of a mirrored or rotated vertex from the surface, in mean edges.
 OFF_SUPPORT = 1.0
-"""Largest distance, in mean edges, of the image of a supported vertex from the nearest supported vertex."""
+"""Largest distance, in mean edges, of a mirrored or rotated supported vertex from the nearest supported vertex."""
 OFF_LOAD = (0.3, 0.02)
-"""Largest difference of mirrored or rotated loads from the loads / total load: smoothed forces, and resultants."""
+"""Largest change of loads by a mirror or rotation, as a fraction of the total: for smoothed forces, for resultants."""
 SAMPLE_POINTS = 100  # Number of points that are checked before all points.
 
 
@@ -61,7 +61,7 @@ class Symmetry:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / self.order)
 
     def maximum(self, x: Floats) -> Floats:
-        """Return the maximum (n,) of a field at all images of each point."""
+        """Return the maximum (n,) of a field over all mirrored or rotated images of each vertex."""
         return np.asarray(np.max([x, *(T @ x for T in self.maps[1:])], axis=0))
 
     def mean_stress(self, sigma: Floats) -> Floats:
@@ -117,7 +117,7 @@ def checked_symmetry(
     for g in R[1:]:
         distance, T = point_map(surface, tree, (surface.V - centre) @ g.T + centre)
         if distance > IMAGE_OFF_SURFACE * edge:
-            raise _symmetry_error(words, "the surface is", f"a mirrored or rotated copy is up to {distance:.3g} m off")
+            raise _symmetry_error(words, "the surface is", f"a mirrored or rotated copy is {distance:.3g} m from it")
         maps.append(T)
         image = np.ascontiguousarray((surface.centroids - centre) @ g.T + centre)
         faces.append(tree.squared_distance(surface.V, surface.F, image)[1])
@@ -197,13 +197,17 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
             ]
             if not alike:
                 axes = "".join(axis for axis, is_held in zip("xyz", holds, strict=True) if is_held)
-                raise _symmetry_error(words, "the supports are", f"the symmetry turns supports that hold only {axes}")
+                raise _symmetry_error(
+                    words, "the supports are", f"a mirror or rotation turns supports that hold only {axes} to new axes"
+                )
             image = (surface.V[of_kind] - centre) @ R.T + centre
             equal = np.flatnonzero(np.isin(kind.ravel(), alike))
             distance = float(nearest_places(image, surface.V, equal[:, None]).distance.max())
             if distance > OFF_SUPPORT * surface.mean_edge:
                 raise _symmetry_error(
-                    words, "the supports are", f"mirrored or rotated supports are {distance:.3g} m from equal supports"
+                    words,
+                    "the supports are",
+                    f"a mirrored or rotated support is {distance:.3g} m from the nearest support with equal axes",
                 )
 
 
@@ -219,7 +223,9 @@ def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats
         if (share := max(sum_off, moment_off) / total) > OFF_LOAD[1]:
             raise _symmetry_error(words, "the loads are", f"their resultants differ by {share:.0%}")
         if (share := float(np.linalg.norm(_smoothed_forces(surface, change), axis=1).sum()) / total) > OFF_LOAD[0]:
-            raise _symmetry_error(words, "the loads are", f"{min(share / 2, 1):.0%} of the load has no equal image")
+            raise _symmetry_error(
+                words, "the loads are", f"{min(share / 2, 1):.0%} of the load has no mirrored or rotated counterpart"
+            )
 
 
 def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
@@ -333,7 +339,7 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
     """Return the normal (3,) of the best mirror for an irregular mesh of a round surface.
     Each candidate points to one of the points farthest from the axis. The best mirror maps the outermost points most
-    closely onto vertices. Of equal mirrors, the best has most vertices near its plane and the perpendicular plane.
+    closely onto vertices. Equal mirrors are ranked by the vertices near the mirror plane and the perpendicular plane.
     samples : minimum number of outermost points."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
@@ -343,7 +349,7 @@ def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: 
     images = np.concatenate([outer @ mirror(normal).T for normal in N])
     misfit = np.square(outer_tree.query(images)[0]).reshape(len(N), -1).sum(axis=1) / edge**2
     on_mirror = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (N, np.cross(axis, N)))
-    # of mirrors with equal misfits, choose the mirror with most vertices on itself or on the plane across it
+    # of mirrors with equal misfits, choose the mirror with most vertices near its plane or the perpendicular plane
     ranks = zip(np.round(misfit, 6).tolist(), (-np.round(on_mirror, 6)).tolist(), range(len(N)), strict=True)
     return np.asarray(N[min(ranks)[2]])
 

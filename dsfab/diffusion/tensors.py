@@ -57,7 +57,7 @@ class DiffusionTensors:
     major     : (m, 3, 3) with r along the primary direction, the direction of the major stripes.
     minor     : (m, 3, 3) with r along the secondary direction.
     isotropic : (m,) faces without a preferred direction.
-    principal : (m, 2) primary and secondary principal stress, Pa, multiplied by gamma."""
+    principal : (m, 2) primary and secondary principal stress, Pa, multiplied by the factor gamma of the preset."""
 
     major: Floats
     minor: Floats

@@ -62,7 +62,7 @@ class SampledLine:
 
     @cached_property
     def check_points(self) -> tuple[Floats, list[Floats]]:
-        """Return the lengths (q,) of points at which spline and polyline are compared, and the points' coordinates."""
+        """Return the points at which spline and polyline are compared: arc lengths (q,), and coordinates."""
         finer = 4 * self.count
         share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
         return share * self.total, self._points_at(share)

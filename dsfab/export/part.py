@@ -1,4 +1,4 @@
-"""Content of a file (`Part`): its mesh, lines and facts in millimetres, the divided sheet and the bodies of members."""
+"""Content of a file (`Part`): mesh and lines in millimetres, texts, the sheet in charts, and the bodies of members."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

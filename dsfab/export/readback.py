@@ -72,7 +72,9 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     moved = float(np.abs(bounding_box(V, F) - part.box).max())
     if not moved <= READ_BACK * size:
-        raise ExportError(f"the bounding box of {part.name!r} reads back {moved:.3g} mm away; write another format")
+        raise ExportError(
+            f"the bounding box of {part.name!r} differs by {moved:.3g} mm when read back; write another format"
+        )
     if part.is_solid and open_edges(F):
         raise ExportError(f"{part.name!r} is open at {open_edges(F)} edges when read back; write another format")
     error = check_measure(part, signed_volume(V, F) if part.is_solid else total_area(V, F))

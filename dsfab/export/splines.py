@@ -197,7 +197,7 @@ class SplineRows:
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return distances (k,) of samples from `points` (k, d): the largest over `parts` groups of coordinates."""
+        """Return distances (k,) of samples from `points` (k, d): the largest distance in `parts` coordinate groups."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 

@@ -88,7 +88,7 @@ def remove(path: Path) -> None:
 
 @cache
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove files that ended processes left in a folder, only once per folder, because large folders take long."""
+    """Remove temporary files of ended processes from a folder, only once per folder, because large folders are slow."""
     for path in abandoned_paths(folder):
         if path.is_file():
             remove(path)
@@ -269,7 +269,7 @@ def _partial_of(target: Path) -> Path:
         if not target.is_dir():
             raise NotADirectoryError(0, "a file has that name")
         if not os.access(target, os.W_OK):
-            raise PermissionError(0, "there is no permission to write there")
+            raise PermissionError(0, "there is no permission to write in that folder")
     is_sibling = not target.exists() or (_exchangeable(target) and os.access(target.parent, os.W_OK))
     partial = (target.parent if is_sibling else target) / partial_name()
     partial.mkdir()
@@ -344,7 +344,7 @@ def link_files(target: Path, partial: Path, user_names: set[str]) -> bool:
 
 
 def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set[str]) -> None:
-    """Move files that the user saved while the folders were exchanged from the old folder to the new folder."""
+    """Move files from the old folder to the new folder if the user saved them while the folders were exchanged."""
     for path in old_folder.iterdir():
         new_path = target / path.name
         replaced = path.name in user_names and new_path.exists() and not path.samefile(new_path)

@@ -17,7 +17,7 @@ from dsfab.surface import Surface
 
 TIE = 1e-3  # Largest difference between equal positions along the structure, as a fraction of its size.
 ROUND, HOLLOW = 0.5, 0.4
-"""Members form a ring if two ratios of their centroids exceed these values.
+"""Members form a ring if the positions of their centroids exceed both of these values.
 ROUND  : spread in the second principal direction, divided by the spread in the first.
 HOLLOW : smallest distance from the centre, divided by the largest."""
 

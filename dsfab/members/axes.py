@@ -95,7 +95,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return the places (c, 2) of offset 0 on sides (c, 2) of cells, from 0 at the lower vertex number to 1."""
+    """Return where the offset is 0 on sides (c, 2) of cells: (c, 2), 0 at the lower vertex number, 1 at the higher."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -182,7 +182,7 @@ def _bend(turn: Floats) -> tuple[int, int]:
     return begin, end
 
 
-KNOTS, COARSE = 4.0, 2.0  # First distance between knots of an axis: KNOTS widths or COARSE edges, the larger.
+KNOTS, COARSE = 4.0, 2.0  # Knot distance in the first fit of an axis: KNOTS widths or COARSE mesh edges, the larger.
 
 
 @dataclass(frozen=True, eq=False)

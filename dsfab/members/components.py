@@ -70,9 +70,9 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 
 
-DISC = 0.4  # Smallest area of kept material that is a disc, divided by the area of a circle of equal perimeter.
+DISC = 0.4  # Kept material is a disc if its area is over DISC x the area of a circle with the same perimeter.
 HIDDEN, COVERED = 0.05, 0.3
-"""A strip (HIDDEN) or kept material (COVERED) is a member only if more than this fraction of its area is visible."""
+"""Smallest fraction of a member's area that must be visible: HIDDEN for strips, COVERED for kept material."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +128,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
     """Return the middle lines of a field's stripes, by number of the stripe.
-    A stripe that does not contain offset 0 gets a line at its mean offset instead."""
+    A middle line lies at offset 0. If a stripe does not contain offset 0, the line lies at the stripe's mean offset."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -260,8 +260,8 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 
 def without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
-    """Give connected loose cells the label of their neighbours, if all neighbours have the same label.
-    Fairing of walls leaves such narrow cells outside of all stripes. label, loose : (m,), see `CellsByStripes`."""
+    """Give connected loose cells (outside of all stripes) the label of their neighbours, if all neighbours share it.
+    Fairing of walls leaves narrow loose cells. label, loose : (m,), see `CellsByStripes`."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

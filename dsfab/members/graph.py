@@ -122,13 +122,13 @@ NodeKind = Literal["crossing", "branch", "end", "grazing"]
 class Member:
     """A named part of a sheet.
 
-    id     : "A07", "B12b", "rim 1": a letter for the family, a number along the structure, a small letter for a part
-             of one stripe.
+    id     : "A07", "B12b", "rim 1": letter of the family, or kind; then a number that grows along the structure. A
+             small letter follows if a stripe has several members.
     kind   : strip, or stub if it is less than twice as long as wide; rim and band along edges; ring and disc around
              a support or load; fill between members, and plate, without an axis.
     family : family of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
     stripe : number of the stripe of most of its cells.    part : number among the members of this stripe, from 1.
-    cells  : (c,) cells of the graph's sheet, including cells below other members.
+    cells  : (c,) cells of `MemberGraph.sheet`, including cells below other members.
     area   : area of these cells, m2.
     axis   : axis along its middle, or None.
     sides  : (k, 2) widths (m) to the left and right of each station of the axis; (0, 2) without an axis.

@@ -16,7 +16,7 @@ from dsfab.surface import link_components
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
-"""Stripes follow a boundary if the cosine between the boundary and their gradient is below this (17 degrees)."""
+"""Stripes follow a boundary if the sine of the angle between stripes and boundary is below this (17 degrees)."""
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
@@ -40,9 +40,9 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
-    """Return a mask (n,) of vertices at which the major and the minor family exchange names.
+    """Return a mask (n,) of vertices at which the major and the minor family of stripes swap names.
     along : (n, 3) tangents of major stripes, up to sign. In a region, they rotate by less than 45 degrees from vertex
-    to vertex. Families keep their names in the largest region. They exchange names at each border between regions."""
+    to vertex. Families keep their names in the largest region, and swap names at each border between regions."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -154,7 +154,7 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     return sign
 
 
-FLOOR = 1e-6  # Smallest weight of the stress; a clear stress has 1. Above 0, the field is unique without stress.
+FLOOR = 1e-6  # Smallest weight of the stress; the largest is 1. Above 0, so that the field is unique without stress.
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +200,7 @@ class FamilyRole(NamedTuple):
 
 
 def family_roles(surface: Surface, directions: StressDirections) -> tuple[FamilyRole, FamilyRole]:
-    """Return the roles of the major and the minor family under principal stresses with signs; z points up.
+    """Return the roles of the major and the minor family of stripes; z points up, and tension is positive.
     Hoops and purlins are horizontal on average, weighted by squared slope. Arches rise, mainly in compression."""
     size = surface.areas[:, None] * np.abs(directions.stress)
     total = size.sum(axis=0)

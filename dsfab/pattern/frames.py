@@ -14,7 +14,7 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Largest number of vertices for `_corrected_solver`: ends of edges that couple a number with a complex conjugate.
+"""Largest number of vertices for `_corrected_solver`. Only ends of `turned` edges count (see `factor`).
 Each such vertex costs a solve for every factor. For more vertices, a real matrix (2 n, 2 n) is faster."""
 
 Solve = Callable[[Complexes], Complexes]

@@ -50,7 +50,7 @@ class Guide:
         if self.at is not None and self.reach is not None:
             raise GuideError("reach is for a curve; remove reach from a region, whose size follows from pick")
         if self.at is not None and self.member:
-            raise GuideError("member is for a curve; remove member from a region")
+            raise GuideError("the key member is for a curve; remove the key from a region")
         if self.curve is not None and self.direction is not None:
             raise GuideError("a curve has its own directions; leave direction out")
         if self.curve is not None and len(set(self.curve)) < 2:
@@ -81,7 +81,7 @@ class Guidance:
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
-        """Return the guide's directions as symmetric tensors (n, 3, 3) of trace 0, to compare distant vertices.
+        """Return the guide's directions as symmetric tensors (n, 3, 3) of trace 0, which do not depend on the frames.
         For a weight w of the guide at a vertex, the tensor has the size w / (1 + w)."""
         e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
@@ -113,7 +113,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
     """Return squares (n,) of the curve's direction at each vertex, complex numbers; their size falls to 0 at `reach`.
-    The direction is a mean of the nearest piece and of pieces that are farther by less than a tenth of the reach."""
+    The direction is a mean of all pieces less than a tenth of the reach farther away than the nearest piece."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -166,7 +166,7 @@ class GuideLine:
             if len(points) < 2:
                 raise PatternError(
                     f"pattern.guide.{k}: the curve is outside the surface's edge and cannot be a member; move it "
-                    "onto the surface, or leave member out"
+                    "onto the surface, or remove the key member"
                 )
             lines.append(cls(k, guide.family, points, faces))
         return lines

@@ -15,9 +15,9 @@ from dsfab.surface.topology import link_components
 EVEN = 0.01  # Largest error of a region's outline, divided by the distance from the region's origins to its outline.
 SNAP = 0.05
 """Usual `slicing.snap`: a cut moves an outline onto vertices within this fraction of a mesh edge.
-Edges at a vertex are halved if the outline would move by more than twice `EVEN`."""
+If this move is longer than 2 x `EVEN` x reach (see `SHORT`), the edges at the vertex are halved."""
 SHORT = 1 / 16
-"""Smallest edge that is halved, divided by the distance from a region's origins to its outline (reach)."""
+"""Smallest edge that is halved, divided by the reach: the width of a region around its points, curves or faces."""
 FINEST = 1 / 16
 """Smallest edge that is halved, as a fraction of the longest side of its face.
 A sheet with smaller parts is hard to solve. The corners of an outline may be cut off by up to half of such an edge."""
@@ -33,10 +33,11 @@ def curve_fields(
     surface: Surface, regions: Sequence[tuple[Origins, float]], rounds: int = 16, most_parts: int = 300_000
 ) -> list[Floats | DividedField]:
     """Return the field (n,) of each region: minus the distance along the surface from its origins, metres.
+    regions : pairs of origins (vertices, edges and faces) and reach, the distance (m) at which the region ends.
 
-    On a region's outline, the field equals minus the reach. Faces there are divided if the distance is not linear.
-    All fields share the divided surface. The division ends after `rounds` rounds or `most_parts` new faces. Far
-    outside a region, distances are only lower bounds."""
+    Faces at the outline of a region are divided if the distance is not linear on them. All fields share the divided
+    surface. The division ends after `rounds` rounds or `most_parts` new faces. Far outside a region, distances are
+    only lower bounds."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
         fields = [
@@ -117,7 +118,7 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return a mask (e,) of edges at an outline where distances are not linear, or `SNAP` moves it too far."""
+    """Return a mask (e,) of edges at an outline where distances are not linear, or `SNAP` moves the outline too far."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
@@ -164,7 +165,7 @@ class RegionBand:
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
-    """Return the solid regions of the user as layers with fields (n,), 0 on the outline.
+    """Return a layer for each solid region of the user (do = "keep"). Its field (n,) is 0 on the region's outline.
     Raises PatternError for a region off the surface."""
     half_width = np.full(surface.n, np.inf)
     return [
@@ -174,14 +175,15 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
-    """Return a band for each region with do = "rim". Default width: `rim` (m), or half of area / outline if it is 0.
+    """Return a band inside the outline of each region that the preset marks with do = "rim".
+    The default width is `rim` (m). If `rim` is 0, it is half of the region's area / length of its outline.
     Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
         inside = region_sides(surface, faces)
         edges = outline_edges(surface, faces)
         if not edges.any():
-            raise PatternError(f"{region_key(regions, k)} has no edge on the surface; for a band, move the region")
+            raise PatternError(f"{region_key(regions, k)} has no edge on the surface; move or shrink the region")
         length = float(surface.edge_lengths[edges].sum())
         width = regions[k].width or rim or 0.25 * 2 * float(surface.areas[faces].sum()) / length
         origins = Origins(_edge_ends(surface, edges), edges, np.zeros(surface.m, dtype=bool))
@@ -252,7 +254,7 @@ def boundary_origins(surface: Surface) -> Origins:
 
 
 def curve_origins(surface: Surface, vertices: Bools) -> Origins:
-    """Return marked vertices (n,) outside `patches`, and the edges between them, as origins of distances."""
+    """Return marked vertices (n,), and the edges between them, as `Origins`, from which distances are measured."""
     edges, _ = _spanned_parts(surface, vertices)
     return Origins(vertices, edges, np.zeros(surface.m, dtype=bool))
 

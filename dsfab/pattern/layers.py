@@ -1,4 +1,4 @@
-"""Layers of a pattern: fields and levels of stripes, on modes or evenly spaced; and the fraction of material."""
+"""Layers of a pattern: fields and levels of stripes, on eigenmodes or evenly spaced; and the fraction of material."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ class Layer(NamedTuple):
 
     field      : values, a corner field, or a field that is linear on parts of faces.
     half_width : (n,) d in periods, for shaders.
-    closed     : (n,) values: an opening becomes material if their mean in the opening is positive. None: none does."""
+    closed     : (n,) values, or None. An opening becomes material if the mean of the values in it is positive."""
 
     name: str
     field: Floats | CornerField | DividedField
@@ -34,8 +34,8 @@ class Layer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ModeFamily:
-    """Stripes on a mode x (n,). Slope and stress decide their widths.
-    slope : (n,) |grad z|, periods per metre.    stress : (n,) size of the stress along the stripes; any unit."""
+    """Stripes on an eigenmode x (n,). Slope and stress decide their widths.
+    slope : (n,) |grad z| of the phase z, periods per m.    stress : (n,) size of the stress along stripes; any unit."""
 
     name: str
     stripes: Stripes
@@ -59,7 +59,7 @@ class ModeFamily:
         """Return half widths d (n,), in periods."""
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
-    adds = 0  # any position is right, because stripes on a mode have no finer stripes; see `DrawableFamily`
+    adds = 0  # any order of families is right, because stripes on a mode have no finer stripes; see `DrawableFamily`
 
     @property
     def density(self) -> Floats:
@@ -75,7 +75,7 @@ class ModeFamily:
 
 
 class DrawableFamily(Protocol):
-    """A family of stripes, on a mode or evenly spaced.
+    """A family of stripes on an eigenmode, or of evenly spaced stripes.
     density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
     adds    : position of the family; the family at position 0 adds its finer stripes first."""
 
@@ -120,7 +120,7 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the common factor on graded widths that gives the same mean fraction of material as the thresholds.
+    """Return the common factor on graded widths that gives the same mean fraction of material as the rule `plain`.
     Bounds in metres apply afterwards. Raises PatternError if too little of the surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
@@ -132,14 +132,14 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Ratios of a member's half width to the crowded half width, which is `CROWDING` times the median half width.
-Up to the first ratio, members become thinner, so that openings stay. From the second ratio on, members merge.
+"""Limits of half widths, divided by the crowded half width: `CROWDING` times the median half width of the members.
+Up to the first limit, members become thinner, so that openings stay. From the second limit on, members merge.
 Openings that become material as a whole (`Layer.closed`) use `WHOLE` instead."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
 """Replaces `CLOSING_WIDTHS` if widths follow the stress. Members then merge earlier: stressed places need material."""
 WHOLE = 1.3
-"""Ratio of the mean width to the crowded width (`CLOSING_WIDTHS`) at which an opening becomes material as a whole.
-If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces it."""
+"""An opening becomes material if its mean half width is over WHOLE x the crowded half width (`CLOSING_WIDTHS`).
+If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces `WHOLE`."""
 WIDTH_RULES = {
     "solid": SOLID,
     "open": SLIT,
@@ -176,7 +176,7 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths d (n,), in periods of the lines that halvings leave.
+        """Return half widths d (n,), divided by the spacing of the lines that remain after halvings.
         Crowded members become thinner or merge, see `CLOSING_WIDTHS`; the rule `plain` does not change them."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
@@ -201,7 +201,7 @@ class EvenFamily:
         return layers
 
     def _requested_half_widths(self, widths: Widths, factor: float) -> Floats:
-        """Return the half widths (n,) of the width rule alone, in periods of the lines that halvings leave."""
+        """Return the half widths (n,) of the width rule alone, divided by the distance between remaining lines."""
         rule = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
         return rule.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
@@ -233,7 +233,7 @@ class EvenFamily:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """Return half widths (n,) in periods of the phase. local : half widths in periods of the lines that halvings leave.
+    """Return half widths (n,) / line distance before halving. local : half widths / line distance after halving.
     If neighbouring stripes touch, all space between lines that no halving removes is material."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
@@ -258,7 +258,7 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # an estimate at points: only the cut sheet has whole openings
+            if layer.closed is not None:  # an estimate at points; only the cut closes each opening as a whole
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -279,7 +279,7 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
 
 
 def _is_drawn(field: CornerField) -> Bools:
-    """Return a mask (m,) of faces on more than half of which a field applies; the cut divides such faces."""
+    """Return a mask (m,) of faces of which a field covers more than half; the cut divides partly covered faces."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 

@@ -40,7 +40,7 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase along each edge, periods; its sign is for the gradient g at the edge's first end."""
+        """(e,) growth of the phase along each edge, periods. At the edge's first end, the phase grows along g."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -60,12 +60,12 @@ class Flow:
         free: bool = False,
         rounds: int = 10,
     ) -> Floats:
-        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2. Phases grow along the direction g of a vertex.
+        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2. Phases grow along the directions `g`.
 
         The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
-        edges of weight w. If g is reversed along an edge, psi_i is conjugated. At first, only the norm of the vector
-        psi is fixed. Then steps of diffusion and normalisation give each number the size 1 [Merriman, Bence, Osher
-        1992; for phases Viertel, Osting 2019].
+        edges of weight w; `turn` is the growth of the phase along an edge. If g is reversed along an edge, psi_i is
+        conjugated. At first, only the norm of the vector psi is fixed. Then steps of diffusion and normalisation give
+        each number the size 1 [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
 
         start : (n,) start of the iteration. Without locked vertices, a centre line passes through its largest value.
         lock  : (n,) vertices on the centre line of a stripe.
@@ -114,9 +114,9 @@ def _complex_numbers(x: Floats) -> Complexes:
 
 @one_blas_thread()  # two threads took three times as long for products of vectors
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
-    """Return B^power x, with norm 1 for the mass (N,), from the Krylov space of `products` products with a linear B.
-    Arnoldi's method [Saad 1992] writes B as a small matrix H on an orthonormal basis, and computes powers of H. With as
-    many products as powers the result is exact."""
+    """Return B^power x, with norm 1 for the mass (N,). The function multiplies by the linear B only `products` times.
+    Arnoldi's method [Saad 1992] writes B as a small matrix H on an orthonormal basis of a Krylov space, and computes
+    powers of H. The result is exact if `products` is at least `power`."""
     basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
@@ -145,7 +145,7 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
     """Return phases (n,), in periods. Shift all by half a period if centre lines then pass through more weight (n,).
-    `Flow.solve` has no preference. A shift needs a weighted mean of cos(2 pi phase) below -0.02."""
+    `Flow.solve` ignores the weight. Phases shift if the weighted mean of cos(2 pi phase) is below -0.02."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -204,14 +204,14 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     """Return phases at the corners of each face from `phase` (n,), without regard to its neighbours.
     Phases at two corners may differ by whole periods; the growth nearest to `flow.turn` is taken. A face is singular
-    unless the phase returns to its start and its sign."""
+    if the phase or its sign is different after one turn around the face."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
     forward = i[edge] == F  # half-edges that run in their edge's direction
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # signed for the gradient g at the start
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # at a half-edge's start, phase grows along g
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -275,7 +275,7 @@ def propagate_phases(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with the values in the first face at each vertex: signs 1 and shifts 0, except at seams."""
+    """Return the phase with values of the first face at a vertex. Corners have sign 1 and shift 0, except at seams."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

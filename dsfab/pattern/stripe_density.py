@@ -52,8 +52,8 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
 
 
 class Halving(NamedTuple):
-    """Number of halvings at each vertex, floor(`wish`). A halving removes every second line.
-    most : largest number.    wish : (n,) ideal numbers, from 0 to `most`.    free : (n,) ideal numbers, also outside.
+    """Number of halvings of the lines at each vertex, floor(`wish`). A halving removes every second line.
+    most : largest number.    wish : (n,) ideal numbers, from 0 to `most`.    free : (n,) also below 0 or over `most`.
     limits : bounds of the logarithm of the density before halving."""
 
     most: int

@@ -63,7 +63,7 @@ class Stripes:
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return the whole numbers (k,) from below the smallest to above the largest phase z of x (n,), for `band`."""
+        """Return all whole numbers (k,) in the range of the phases of x (n,), and up to two more at each end."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 
@@ -73,7 +73,7 @@ class Stripes:
 
     def levels(self, x: Floats) -> Floats:
         """Return the values (k,) of the mode at the edges of stripes, in the range of x (n,), ascending.
-        Material has a phase from k - d to k + d, for whole numbers k. So an odd number of levels lies below material.
+        Material has a phase from k - d to k + d, for whole numbers k. It begins at the first, third, fifth ... value.
         """
         d = self.half_width
         if d == 0:

@@ -17,7 +17,7 @@ from dsfab.surface.fields import hat_gradients
 REACH = 1.5
 """Largest distance from a small loop at which stripes form rings and rays, divided by the spacing of stripes."""
 PULL = 100.0
-"""Weight of rings and rays at their small loop, larger than that of the stress (`Guide.weight`); 0 at `REACH`."""
+"""Weight of rings and rays at a small supported loop, more than the weight of the stress; 0 at the distance `REACH`."""
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
@@ -54,7 +54,7 @@ class LoopSurroundings:
         return tuple(surroundings)
 
     def guidance(self, frames: Frames, stress: StressDirections, turn: float) -> Guidance:
-        """Return the directions around the loop. The family with the larger mean stress along rays becomes the rays.
+        """Return the directions around the loop. The family with the larger mean stress away from the loop forms rays.
         turn : rotation of both families, radians, as for `cross_field`."""
         surface, cosine = frames.surface, dots(stress.direction[:, 0], self.outwards)
         ray_minus_ring_stress = (stress.stress[:, 0] - stress.stress[:, 1]) * (2 * cosine**2 - 1)

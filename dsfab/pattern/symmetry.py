@@ -35,7 +35,7 @@ class Images:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return a mask (m,) of faces with a marked image. Rounding errors may mark a singular face at one image only.
+        """Mark (m,) all mirrored or rotated images of marked faces. Rounding errors may mark a single image only.
         Marks stay unchanged if images of vertices are not vertices."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked

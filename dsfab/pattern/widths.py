@@ -1,4 +1,4 @@
-"""Widths of stripes: by threshold, equal in metres, by stress, or adjusted until strain energy is even."""
+"""Widths of stripes: from a threshold, constant in metres, from the stress, or adjusted to even the strain energy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class ShareJumpError(PatternError):
 class Widths:
     """Rule for the half width d of stripes at every vertex.
 
-    rule      : "plain"     d = (1 - threshold) / 4, as in the paper;
+    rule      : "plain"     d = (1 - threshold) / 4, as in the paper by Madan et al.;
                 "constant"  d = |grad z| member / 2: the same width in metres;
                 "graded"    d proportional to (1 - threshold) |stress|^q, the stress along the stripes of the family;
                 "stressed"  begins as "graded", then widens where the cut sheet has most energy.
@@ -80,7 +80,7 @@ class Widths:
 
     def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
         """Return half widths d (n,) in periods, 0 (no material) to 0.5 (no gap); they never decrease with `factor`.
-        base   : half width d from the threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
+        base   : (1 - threshold) / 4, the d of rule plain.    slope : (n,) |grad z|, periods per metre (see `slopes`).
         stress : (n,) size of the stress along the stripes, any unit; for "stressed" the relative half widths.
         factor : factor on the half widths before the bounds apply."""
         d = factor * (slope * (self.member / 2) if self.rule == "constant" else base * self.grading(stress))
@@ -192,7 +192,7 @@ def _secant_interval(evaluate: Callable[[float], _End], tolerance: float, slope:
 
 
 def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
-    """Return an interval around the solution, or (solution, solution). The factors are 0, 1, 4, 16 ..."""
+    """Return an interval between factors 0, 1, 4, 16 ... with the solution; both ends are 1 if 1 is the solution."""
     start = evaluate(1.0)
     if _miss(start) <= tolerance:
         return start, start
@@ -227,7 +227,7 @@ def evened_grading(
 
     work     : (m, k) energy, joules, of each family in each face.    material : (m, k) area of each family there, m2.
     spacing  : metres from stripe to stripe. Averages extend over 0.4 spacings, so that neighbours do not mix.
-    limit    : largest factor of a step.
+    limit    : largest factor by which a half width grows or shrinks in a step.
 
     Widths grow with the square root of the energy density, because under a fixed force the density falls with the
     square of the width. Forces then change their paths, so several steps are needed. Widths do not change in faces

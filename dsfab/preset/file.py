@@ -49,7 +49,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return the preset with new values at dotted keys. Raises PresetError like `load_preset`, or for no preset."""
+    """Return the preset with new values at dotted keys. Raises PresetError like `load_preset`, or for another type."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # other sections need no checks
@@ -89,7 +89,7 @@ def require_mesh(preset: Preset) -> None:
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset with all defaults as TOML, which builds the same design again.
     A material is written by its name, with only those values that differ from the material.
-    for_people : True to write only the size of a mesh from Python, not its numbers."""
+    for_people : True to write only the numbers of vertices and triangles of a mesh that was given in Python."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
         values["surface"]["mesh"] = f"given in Python: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"
@@ -147,7 +147,7 @@ def _find(name_or_path: str | Path) -> Path:
 
 def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
     old_surface = values.get("surface", {})
-    section = OwnSurface if "file" in old_surface else SurfaceSection  # other shapes have no key `edge`
+    section = OwnSurface if "file" in old_surface else SurfaceSection  # the `edge` of a shape is not for the new mesh
     new_surface = {key: old_surface[key] for key in (*section.model_fields, "unit") if key in old_surface}
     values["surface"] = {**new_surface, "file": str(mesh)}
 

@@ -149,7 +149,7 @@ class Diffusion(Section):
     r: Annotated[float, Ge(1), Le(1e4)] = 100.0
     """Anisotropy ratio: with 1 the modes ignore the stress, with 10 to 100 they follow it."""
     gamma: Annotated[float, Gt(0)] = 1.0
-    """Factor on the loads (the paper's force magnitude); it only decides which faces count as isotropic."""
+    """Factor on the loads (force magnitude in the paper by Madan et al.); it only decides which faces are isotropic."""
     labelling: Labelling = "signed"
     """Stress that major stripes follow. signed: the more tensile one; magnitude: the larger one (the paper)."""
     isotropy: Annotated[float, Ge(0), Lt(1)] = ISOTROPY
@@ -204,15 +204,15 @@ class Family(Section):
     mode: Mode = 1
     """Number of the eigenmode; mode 1 is the first that is not constant. auto: the stiffest of the first four."""
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
-    """Stripes per unit of the mode's values, which differ by 0.5 to 3 units. Evenly spaced stripes have no frequency.
-    0: `spacing` is used instead."""
+    """Stripes per unit of the eigenmode's values. On a surface, these values span 0.5 to 3 units.
+    0: `spacing` is used instead. Evenly spaced stripes have no frequency."""
     spacing: Annotated[float, Ge(0)] = 0.0
     """Mean distance (m) between the centre lines of stripes. 0: `frequency` is used instead. Default of evenly spaced
     stripes: a twelfth of the root of the surface's area, but at least the mean edge length of the mesh."""
     phase: Phase = 0.0
     """Shift of the stripes, in periods. auto: the stiffest of several phases."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
-    """Height at which the wave is cut: with -1 all is material, with 0 half, with 1 nothing."""
+    """Stripes lie where a triangle wave is above this height: with -1 all is material, with 0 half, with 1 nothing."""
 
     @model_validator(mode="before")
     @classmethod
@@ -249,12 +249,12 @@ class Width(Section):
     """[pattern.width]: width of the stripes of both families."""
 
     rule: Rule = "plain"
-    """plain: widths follow the thresholds (the paper). constant: equal widths in metres. graded: wider where the stress
-    is larger. stressed (stiffest, slowest): widened where the energy is largest, in several trials."""
+    """plain: widths follow the thresholds (Madan et al.). constant: equal widths in metres. graded: wider where the
+    stress is larger. stressed (stiffest, slowest): widened where the energy is largest, in several trials."""
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members for rule constant, metres. 0: solid_fraction gives the width."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
-    """Exponent: the share of material grows with this power of the stress. Rule stressed begins with these widths."""
+    """Exponent: the share of material grows with this power of the stress. For rule stressed: the start value."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
     """Number of trials (cut and solve) for rule stressed."""
     min_width: LeastWidth = AUTO
@@ -268,7 +268,7 @@ class Width(Section):
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
     """Share of the surface that stays material, with keep and rim; dsfab scales the widths to it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
-    """Largest error of solid_fraction if the share jumps because ends of members appear or vanish; dsfab notes it."""
+    """Largest error of solid_fraction, if the share of material jumps because ends of members appear or vanish."""
 
     @model_validator(mode="after")
     def _check_widths(self) -> "Width":
@@ -311,8 +311,8 @@ class Pattern(Section):
     method: Method = "modes"
     """modes: stripes on eigenmodes (the paper). stripes: evenly spaced stripes along the stress. auto: the stiffest
     pattern without dead ends and slits. auto compares modes, stripes, and stripes with halving. With width.rule
-    constant or graded, auto also compares these two rules, graded with q / 2, and stressed. If the preset sets no
-    spacing, auto compares several spacings."""
+    constant or graded, auto tries four widths: constant, graded, graded with half of q, and stressed. If the preset
+    sets no spacing, auto compares several spacings."""
     halve: bool = True
     """For stripes: where lines are too close together, every second one ends on a crossing member. false: none ends."""
     families: Literal["both", "major", "minor"] = "both"
@@ -337,7 +337,7 @@ class Pattern(Section):
     width: Width = Width()
     tidy: bool | None = None
     """Remove parts of members beyond their last crossing, and fill openings narrower than the members beside them.
-    Default: true for evenly spaced stripes, false for stripes on modes."""
+    Default: true for evenly spaced stripes, false for stripes on eigenmodes."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Distance (m) around loads and supports within which the surface stays material; 0: none."""
     rim: Annotated[float, Ge(0)] = 0.0
@@ -435,16 +435,16 @@ class Slicing(Section):
     pinch: Literal["join", "split"] = "join"
     """Treatment of places where material would only touch at a point. join: add a small disc. split: separate it."""
     min_opening: Annotated[float, Ge(0)] | None = None
-    """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default on modes: 0. Default
-    between evenly spaced stripes: 15 % of their spacing. Default between tidied stripes: the same, but at most the
-    thickness; openings under 35 % of the usual size are filled, too."""
+    """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default for stripes on
+    eigenmodes: 0. Default for evenly spaced stripes: 15 % of their spacing, with pattern.tidy at most the thickness.
+    The default for evenly spaced stripes also fills openings under 35 % of the median size."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Smallest width of openings with pattern.workshop, metres. Narrower openings are bridged, and narrower tips
     filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
     """Smallest width of members, metres; narrower members are widened. 0: no limit. Default with pattern.workshop: half
-    of the thickness, or a smaller limit of [pattern.width]. Default without pattern.workshop: only very narrow members
-    of tidied stripes are widened. These are under 0.8 times the usual width, between openings with round corners."""
+    of the thickness, or a smaller limit of [pattern.width]. Without pattern.workshop, only members under 0.8 times
+    the median width are widened, and only with pattern.tidy and round corners (pattern.fillet)."""
     improve: bool = False
     """Improve the triangles of the cut mesh by flipping and removing edges, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -472,7 +472,7 @@ class Fabrication(Section):
     min_member: Annotated[float, Ge(0)] = 0.0
     """Smallest width of members, metres. 0: only the limit of pattern.workshop is checked."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Smallest width of openings, metres; 0: no further check. With pattern.workshop, also of their narrow ends."""
+    """Smallest width of openings, metres; 0: no check. With pattern.workshop, pointed ends of openings count, too."""
     min_wall: Annotated[float, Ge(0)] = 0.0
     """Smallest thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
@@ -646,8 +646,8 @@ class Preset(Section):
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
-        """Return the first stage whose section differs, or None. It is `surface`, too, if the outline of a region
-        differs, or if [statics] differs and the mesh depends on the stress."""
+        """Return the first stage with different sections in the two presets, or None. Return `surface` also if outlines
+        of regions differ, or if [statics] differs and the mesh depends on the stress."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

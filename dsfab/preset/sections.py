@@ -108,8 +108,8 @@ class Eurocode(Section):
     service_class: Literal[1, 2, 3] = 2
     """Timber: 1 heated rooms, 2 under a roof, 3 in the open."""
     duration: dict[str, Duration] = Field(default_factory=dict)
-    """Timber: duration of loads by case. Default: weight permanent, stores long, wind and maintenance short, else
-    medium."""
+    """Timber: duration of loads by case. Default: permanent for weight, long for storage, short for wind and
+    maintenance, medium for all other loads."""
     gamma_m: Annotated[float, Gt(0)] | None = None
     """Timber: partial factor; default: 1.3 for solid timber, 1.25 for glulam, 1.2 for LVL."""
     gamma_m0: Annotated[float, Gt(0)] = 1.0

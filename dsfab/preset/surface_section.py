@@ -92,7 +92,7 @@ class SurfaceSection(Section):
 
     @property
     def standard_sums(self) -> tuple[Combination, ...]:
-        """Combinations of the standard; empty without a standard."""
+        """Load combinations of EN 1990; empty if the preset has no key `combinations`."""
         if self.combinations is None:
             return ()
         return tuple(en1990_combinations(self.load, self.actions, self.combinations, self.factors or DesignFactors()))

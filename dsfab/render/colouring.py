@@ -29,7 +29,7 @@ STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "bucklin
 DEFORMED = ("displacement", "buckling", "frequency")  # results that are drawn as a deformed shape
 MODE_FIELDS = ("major_mode", "minor_mode")  # pictures of the modes of both families
 WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)  # pictures of the uncut sheet, without stripes
-COLOUR_PERCENTILE = 98.0  # percentile of the stress at the end of the scale, below peaks
+COLOUR_PERCENTILE = 98.0  # percentile of the stress at the end of the colour scale; higher peaks get the last colour
 
 # blue is compression, red is tension; colour-blind people can distinguish blue and red
 _DIVERGING = np.array(

@@ -19,7 +19,7 @@ MarkName = Literal["load", "support", "reaction", "person", "masonry", "tension"
 @dataclass(frozen=True)
 class Palette:
     """Colours of a picture: red, green and blue in 0..255.
-    families : colours of families (major, minor, kept).    tints : stronger colours of families, to tell them apart.
+    families : colours of members: major, minor, kept regions.    tints : stronger colours, to tell families apart.
     ink : darkness of edge lines, 0 (invisible) to 1 (black)."""
 
     paper: Colour = (253, 252, 249)
@@ -158,7 +158,7 @@ def _mark_sign(draw: "ImageDraw", name: MarkName, palette: Palette, place: tuple
 
 GRID_PIXELS = 4  # cell size (pixels) of the grid that records occupied areas
 NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)  # distances from a member at which a name is tried, in letter heights
-NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # directions from a member
+NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # angles around a member at which a name is tried
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ MarkMesh = tuple[Floats, Ints]  # vertices (n, 3) in metres, and faces (m, 3)
 
 @dataclass(frozen=True)
 class Spacing:
-    """Least distance `apart` between marks, divided by the structure's size, and largest number `most` of marks."""
+    """Limits for arrows or cones in a picture: least distance `apart` / structure's size, and largest number `most`."""
 
     apart: float
     most: int

@@ -26,7 +26,7 @@ window.GetPixelData(0, 0, 7, 7, 1, pixels, 0)
 raise SystemExit(0 if pixels.GetTuple3(0) == (255.0, 0.0, 0.0) else 3)
 """
 
-_KNOWN: set[str] = set()  # kinds of window that need no test
+_KNOWN: set[str] = set()  # kinds of VTK render window that need no test
 _PROBES: list[threading.Thread] = []  # the running test, if any
 
 
@@ -108,7 +108,7 @@ def _draws(name: str) -> bool:
 _ADVICE = {
     "linux": "on Debian, Ubuntu install libegl1 and libgl1-mesa-dri, or libosmesa6; on Fedora install mesa-libEGL and "
     "mesa-dri-drivers",
-    "darwin": "on macOS run in a session with a screen, since OpenGL comes with the system",
+    "darwin": "on macOS run dsfab in a session with a screen; macOS already contains OpenGL",
     "win32": "on Windows install the graphics card's driver or the OpenCL, OpenGL and Vulkan Compatibility Pack",
 }
 """Advice by the name of the system in `sys.platform`."""

@@ -190,7 +190,7 @@ class Previewer:
         stage = replace(self._stage, view=self._view(size, words))
         image = drawing.render_stage(self._scene, stage, self._palette, size, quality, self._clear)
         release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # memory of intermediate pictures
-        alone = len(stage.bodies) == 1  # without marks, an empty picture means that no material is left
+        alone = len(stage.bodies) == 1  # the picture shows only the sheet; it is empty if no material is left
         if self._scene.empty if alone else not self._scene.casting:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         if words:

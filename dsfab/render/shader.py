@@ -161,7 +161,7 @@ class StripeShader:
         self.set(ALL_MATERIAL)
         self.show_walls(None, 0.0)
         for uniforms in self._uniforms():
-            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # a wall is drawn at most four half-thicknesses long
+            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # a ray runs at most 4 half-thicknesses sideways in the sheet
             uniforms.SetUniformf("dsShade", 0.82)  # walls are darker than faces
             for name, tint in zip(("dsMajor", "dsMinor", "dsRest"), self.tints or 3 * ((0, 0, 0),), strict=True):
                 uniforms.SetUniform3f(name, [value / 255 for value in tint])

@@ -1,7 +1,7 @@
 """The mesh on which a pattern is drawn, values at its vertices, and the settings of its shader.
 
-Stripes on modes are drawn on the surface. Evenly spaced stripes are drawn on their chart (`dsfab.slicing.Chart`),
-because their phases are consistent only on the chart. The shader draws them like two modes at frequency 1, phase 0."""
+Stripes from diffusion modes are drawn on the surface. Evenly spaced stripes are drawn on their chart
+(`dsfab.slicing.Chart`): only there, their phases are consistent. The shader takes these phases in place of modes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,8 +20,8 @@ from dsfab.render.shader import BY_VERTEX, INFINITE_DISTANCE, NO_REACH, StripeSe
 from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
-EXACT_REACH_SHARE = 1 / 8  # distances are exact up to this share of the surface's size, in all presets
-REGION_FACTOR = 1e33  # factor on distances to drawn regions, so that no kept width extends beyond a region
+EXACT_REACH_SHARE = 1 / 8  # distances up to this fraction of the surface's size are exact, in all presets
+REGION_FACTOR = 1e33  # factor on distances from drawn regions, so that `keep` adds no material outside the regions
 
 
 @dataclass(frozen=True, eq=False)

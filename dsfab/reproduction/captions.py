@@ -25,7 +25,7 @@ class Web:
 
     @property
     def is_web(self) -> bool:
-        """True if at least `RINGS` rings have at least `SPOKES` spokes."""
+        """True if at least `RINGS` rings around the load are each crossed by at least `SPOKES` lines (spokes)."""
         return sum(count >= SPOKES for count in self.crossed) >= RINGS
 
     @property
@@ -48,7 +48,7 @@ class Web:
 
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
-    """Find rings around the load in both families; return the web with more rings that have enough spokes.
+    """Find rings around the load in both families; return the web with more rings of `SPOKES` or more spokes.
     phases : (n, 2) phases of the major and minor family. The phase at the middle of a member is a whole number.
     load, supported : (n,) True for vertices under the load, and for vertices at supports."""
     webs = []
@@ -116,7 +116,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Return how many members of the second family cross the closed line `ring` = 0. z : phase, whole at members."""
+    """Count members of the second family that cross the line `ring` = 0. z : phase, whole number in member middles."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))
@@ -155,7 +155,7 @@ ANGLE, EVENNESS = 60.0, 3.0  # Least crossing angle of a grid, degrees; largest 
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return the result of a claim (see `PaperFigure`) as a clause; '' without a claim, or if dsfab made no figure."""
+    """Return the test result of a figure's claim (see `PaperFigure`) as a clause; '' without a claim or a figure."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

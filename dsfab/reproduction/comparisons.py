@@ -1,4 +1,4 @@
-"""Comparisons that the paper makes: Michell's truss, anisotropy, von Mises stress, earlier work, and editing speed."""
+"""Comparisons in the paper (Madan et al.): Michell's truss, anisotropy, von Mises stress, earlier work, edit speed."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -38,8 +38,8 @@ def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, Pa
     all_lines = [*lines[0], *lines[1]]
     words = (
         "Earlier methods choose a direction on every face and integrate one field over all of them, or trace lines one "
-        "after another. Where directions part or turn round a point, no choice of signs is right everywhere; diffusion "
-        "makes no choice, and the paper says that its stripes are more regular there. "
+        "after another. Around some points, no choice of directions is consistent on all faces. Diffusion makes no "
+        "choice, and the paper says that its stripes are more regular around these points. "
         f"{_measures_text(design, integrated)}"
         f"{len(all_lines)} lines were traced as far apart as the stripes. {sum(line.loose for line in all_lines)} of "
         "their ends lie "

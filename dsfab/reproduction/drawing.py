@@ -75,7 +75,7 @@ def previewer_of(design: Design, show: str = "structure") -> Previewer:
 
 
 def save_picture(pixels: Bytes, path: Path) -> None:
-    """Write a picture as WebP, in the lowest quality without visible seams."""
+    """Write a picture as WebP, in the lowest quality at which compression is not visible."""
     from PIL import Image
 
     Image.fromarray(pixels).save(path, format="WEBP", quality=82, method=6)

@@ -18,7 +18,7 @@ from dsfab.surface import Surface, hat_gradients
 
 
 class DrawnFamily(NamedTuple):
-    """Stripes on a mode: diffusion tensors D (m, 3, 3), number and values (n,) of the mode, and stripe frequency."""
+    """Stripes on level lines of an eigenmode: diffusion tensors D (m, 3, 3), its number and values (n,), frequency."""
 
     D: Floats
     number: int
@@ -96,7 +96,7 @@ def typical_slope(surface: Surface, value: Floats) -> float:
     return quantile(slope, surface.areas, 0.5)
 
 
-NEAR = 0.5  # A line ends near an earlier line if their distance / intended distance is smaller.
+NEAR = 0.5  # A line ends if its distance to an earlier line is less than NEAR x the intended distance of lines.
 End = Literal["boundary", "inside", "round"]
 
 

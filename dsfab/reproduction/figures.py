@@ -62,7 +62,7 @@ class FigurePictures:
 
 def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
     """Make a figure and write its pictures into `folder`; an error becomes part of the result.
-    coarser : wanted edge length / edge length in the preset. It is reduced until the mesh has all details."""
+    coarser : wanted edge length / preset's edge length. It is reduced until the mesh has all details."""
     try:
         design, coarser = coarsened_draft(load_preset(figure.preset), coarser)
         results = renditions(design)
@@ -87,8 +87,8 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 
 def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
-    """Return a design up to its pattern, with edges `coarser` times as long, and the factor.
-    The factor falls until the mesh has vertices for shape and loads. Raises DsfabError if factor 1 also fails."""
+    """Return a design whose pattern is computed, with edges `coarser` times as long, and the factor that was used.
+    The factor falls until the mesh is fine enough for shape and loads. Raises DsfabError if factor 1 also fails."""
     edge = preset.surface.model_dump()["edge"]
     while True:
         try:

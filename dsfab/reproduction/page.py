@@ -293,7 +293,7 @@ def _facts(pictures: FigurePictures, coarser: float) -> str:
     if pictures.coarser != coarser:
         lines.append(finer)
     if figure.stand_in:
-        lines.append(f"The surface stands in for the paper's: {escape(figure.stand_in)}.")
+        lines.append(f"This surface replaces the surface of the paper: {escape(figure.stand_in)}.")
     lines += [f'<span class="quiet">Note on {escape(note)}.</span>' for note in pictures.notes]
     lines.append(f"<code>dsfab build {figure.preset}</code>{edge}")
     return f'<div class="facts">{"".join(f"<p>{line}</p>" for line in lines)}</div>'

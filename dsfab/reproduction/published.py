@@ -79,7 +79,7 @@ TABLE_1 = {
     "sphere": _row(1, 100, 1, 1, 10, 10),
     "turkey": _row(1, 100, 2, 3, 24, 31),
 }
-"""Table 1 by preset: force magnitude, anisotropy, major and minor mode, both frequencies, both phases."""
+"""Table 1 of Madan et al., by preset: force magnitude, anisotropy; modes, frequencies and phases (major, minor)."""
 
 PLANE = Timings(7891, 15855, 0.076, None, 0.085, 0.029, 0.028, 0.231)
 CAMEL = Timings(11717, 23323, 0.175, 0.748, 3.419, 0.003, 0.063, 0.477)

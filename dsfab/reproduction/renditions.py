@@ -31,7 +31,7 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
     ),
     "statics.law": ("stvk", "the law of a thin sheet (plane_stress), not St. Venant-Kirchhoff with a rigid normal"),
     "pattern.keep": (0.0, "material kept around loads and supports"),
-    "pattern.rim": (0.0, "a rim kept along the boundary"),
+    "pattern.rim": (0.0, "a rim of solid material along the boundary"),
 }
 """For keys that may have other values in presets: the paper's value, and a text that describes a different value."""
 
@@ -95,7 +95,7 @@ def renditions(design: Design) -> tuple[Rendition, ...]:
 
 
 def departures(preset: Preset) -> tuple[str, ...]:
-    """Return a text for each setting in which a preset departs from the paper."""
+    """Return a text for each setting in which a preset differs from the paper by Madan et al."""
     texts = []
     for key, (paper, words) in DEPARTURES.items():
         section, name = key.split(".")
@@ -144,8 +144,8 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return the design's compliance / that of an uncut sheet, / that of a thinner sheet, and a reason or ''.
-    Without loads, the ratios are nan. If the design does not carry its loads, they are infinite, with a reason."""
+    """Return the design's compliance, divided by that of the uncut sheet and of a thinner sheet, and a reason or ''.
+    Without loads, both ratios are nan. If the design cannot carry its loads, both are infinite, with a reason."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

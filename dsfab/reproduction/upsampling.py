@@ -41,7 +41,7 @@ class UpsampledCut(NamedTuple):
 
 
 class CutComparison(NamedTuple):
-    """The cuts by upsampling, one for each round, and the number of triangles of the exact cut."""
+    """Cuts after 0, 1, 2 ... rounds of division (see `UpsampledCut`), and the number of triangles of the exact cut."""
 
     upsampled: tuple[UpsampledCut, ...]
     exact: int
@@ -121,16 +121,16 @@ def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
     words = (
         "The paper divides triangles with more than one line at the middles of their sides. It cuts "
         "where the stripe value, interpolated between corners, is zero. dsfab cuts along all lines of a triangle at "
-        "once, at known values. Both methods cut the same modes. Without division "
-        f"{_percent(coarsest.wrong)} of the surface is on the wrong side with {coarsest.triangles:,} triangles, after "
-        f"{finest.rounds} rounds {_percent(finest.wrong)} with {finest.triangles:,}; the exact cut has "
-        f"{comparison.exact:,} and "
+        "once, at known values. Both methods cut the same modes. With the paper's method, part of the surface is on "
+        f"the wrong side of a stripe's edge. Without division this part is {_percent(coarsest.wrong)}, with "
+        f"{coarsest.triangles:,} triangles; after {finest.rounds} rounds of division {_percent(finest.wrong)}, with "
+        f"{finest.triangles:,}. The exact cut has {comparison.exact:,} triangles and "
         f"no error of this kind. {finest.crowded:,} triangles still have more than one line: division cannot separate "
         "the lines of families that cross. The remaining error is at crests of the wave in triangles with one line."
     )
     file = f"{design.preset.name}-upsampled.webp"
     _write_chart(comparison, folder / file)
-    caption = "Share of the surface on the wrong side against the number of triangles. Labels: number of rounds."
+    caption = "Share of the surface where material and void are swapped, and the number of triangles. Labels: rounds."
     return PaperComparison(
         title, words, ((PaperPicture(file, "Error against triangles", caption, size=drawing.LARGE),),)
     )

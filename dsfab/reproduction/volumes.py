@@ -21,7 +21,7 @@ ON_MODES = {
     "pattern.major": {"mode": 1, "frequency": 14.0, "phase": 0.875},
     "pattern.minor": {"mode": 3, "frequency": 14.0, "phase": 0.5625},
 }
-"""Settings of the graded design on modes; a search (`phase = "auto"`) chose the phases."""
+"""Settings of a design with graded stripes on eigenmodes; a search (`phase = "auto"`) chose the phases."""
 ROW = {
     "pattern.method": "modes",
     "pattern.keep": 0.0,
@@ -29,7 +29,7 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""The sphere's row of Table 1: no kept regions, rule "plain", phase 0. But the sign of the stress labels families."""
+"""The sphere's row of Table 1: no kept regions, rule "plain", phase 0. Unlike the paper: families by stress sign."""
 LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` with the paper's labels and law.
 SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 

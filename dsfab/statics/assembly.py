@@ -136,7 +136,7 @@ class PairBlocks:
         return type(self)(self.pairs, self.between + other.between, self.own + other.own)
 
     def matrix(self) -> csr_array:
-        """Return the stiffness (3 n, 3 n), N/m; matrices with the same pairs have the same sparse pattern."""
+        """Return the stiffness (3 n, 3 n), N/m. Matrices with the same `pairs` of vertices have the same sparsity."""
         return self.pairs.matrix(self)
 
 

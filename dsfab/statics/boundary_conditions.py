@@ -64,7 +64,7 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
 
 def _support_remedy(surface: Surface, held_vertices: Ints) -> str:
     if len(held_vertices) >= FEW_VERTICES:
-        return "its supports do not prevent this motion; hold more directions"
+        return "the supports do not prevent this motion; hold more directions"
     where = " and ".join(str(surface.V[k].round(3).tolist()) for k in held_vertices)
     count = count_phrase(len(held_vertices), "vertex")
     return f"the supports hold only {count}, at {where} m; pick more vertices (with a larger depth if you pick a side)"
@@ -109,8 +109,8 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
     fixed   : (n, 3) fixed directions of the vertices.
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
 
-    Edges of faces that are fixed in all directions do not rotate. A bubble moves the middle of its edge along a
-    direction d. It is fixed if the squares of d's components in fixed directions (`held_middles`) sum to over 1/2."""
+    Edges of faces that are fixed in all directions do not rotate. A bubble unknown moves an edge's middle along axis d.
+    The unknown is fixed if the squares of d's components in fixed directions (`held_middles`) sum to over 1/2."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -123,7 +123,7 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
     """Return the fixed directions (e, 3) of the middles of edges, from the fixed directions (n, 3) of the vertices.
-    The middle of a boundary edge is fixed if both ends are. Any middle is fixed if a face of it is (`held_faces`)."""
+    The middle of a boundary edge is fixed if both ends are. A fixed face (`held_faces`) fixes its edges' middles."""
     edges, faces = surface.edges, held_faces(surface, fixed)
     is_held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):

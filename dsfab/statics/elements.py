@@ -90,7 +90,7 @@ def edge_frames(surface: Surface) -> Floats:
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    # sign times normal stays the same if a face is reversed, and has opposite directions for the two faces of an edge
+    # sign x normal does not depend on a face's orientation; the two faces of an edge have opposite values
     area_normal = surface.normals * surface.areas[:, None]
     signed = (half_edge_signs(surface)[:, :, None] * area_normal[:, None, :]).reshape(-1, 3)
     n = signed[edges.order[edges.start[:-1]]]

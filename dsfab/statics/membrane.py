@@ -131,7 +131,7 @@ def _doubled_area_gradients(surface: Surface) -> Floats:
 
 def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> Floats:
     """Return the mean in-plane strain (m, 3), (xx, yy, 2 xy), of each face in its tangent frame.
-    It is the strain of the constant-strain triangle [Turner et al. 1956], and the linearised strain of the paper.
+    Without bubbles: strain of the constant-strain triangle [Turner et al. 1956], as in [Madan, Jacobson and Levin].
 
     u       : (n, 3) displacements, metres.
     bubbles : (e, 2) edge bubbles of `quadratic` along t and m, metres."""

@@ -77,7 +77,7 @@ MODE_RESIDUAL = 1e-3
 """Largest accepted relative residual of a mode, in the norm of the stiffness.
 The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
 
-INDEPENDENT = 1e-6  # If vectors of energy 1 have a combination with less energy, it is left out as a rounding error.
+INDEPENDENT = 1e-6  # Combinations of vectors of energy 1 with less energy than this are left out as rounding errors.
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +195,7 @@ def lowest_buckling(
     x, y, z = sheet.surface.V[np.linalg.norm(lowest.shapes[0], axis=1).argmax()].round(2).tolist()
     is_global = moved_share(sheet.surface, several.shapes) >= LOCAL_SHARE
     clause = (
-        f"the first mode that moves over {LOCAL_SHARE:.0%} of the area has factor {several.factor[is_global][0]:.3g}"
+        f"the first mode that moves {LOCAL_SHARE:.0%} of the area or more has factor {several.factor[is_global][0]:.3g}"
         if is_global.any()
         else f"the first {len(several.factor)} modes are all local"
     )
@@ -246,8 +246,8 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
     """Return slopes (m, 2, 5, c) of each face along both tangents, for a unit of each unknown, and its unknowns (m, c).
-    Slopes 0 to 2: means of displacements x, y and z. Slopes 3 and 4: from the curvature, at two quadrature points.
-    All slopes are multiplied by the square root of the area, so that K_g is the sum of slope . N slope."""
+    Slopes 0 to 2: mean gradients of displacements x, y, z. Slopes 3, 4: from the curvature, at two quadrature points.
+    All slopes are multiplied by the square root of the area. For forces N, K_g is then the sum of slope . N slope."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
     slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)
@@ -263,7 +263,7 @@ def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
 def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
     """Return mean gradients (m, 2, 3, 9 + 3 len(names)) of displacements x, y and z in each face, along both tangents.
     Columns: unit displacements of corners, then the unknowns `names` of half-edges.
-    Bubble `normal` is along the normal of its edge; only its component along the face's normal counts."""
+    `normal` moves an edge's middle along the edge's normal; only its component along the face's normal counts."""
     slope = np.einsum("mik,mak->mai", hat_gradients(surface), tangents(surface))
     gradients = np.zeros((surface.m, 2, 3, 9 + 3 * len(names)))
     for i in range(3):

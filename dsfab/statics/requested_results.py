@@ -22,7 +22,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class ResultRequest:
-    """Requested results of a sheet that cost time.
+    """Requests for results of a sheet that take extra time to calculate.
     strength    : Pa, compared with the largest stress; 0 for no comparison.
     frequencies : number of natural frequencies.    buckling : number of load factors."""
 
@@ -93,7 +93,7 @@ def sheet_answers(
     """Return stress and energy of a solved sheet, and the other requested results.
 
     stiffness     : function that returns K for given elements.
-    other_factors : function for further factorisations; for loads on the same supports, a `FactorCache` of two.
+    other_factors : function for further factorisations. Loads on the same supports can share one `FactorCache(2)`.
 
     Vibration counts only the mass of the sheet, without its loads. If modes do not converge, `refusals` has the reason.
     Raises StaticsError if the elements for the results cannot solve the sheet."""

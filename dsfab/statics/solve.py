@@ -224,7 +224,7 @@ def solution(
 
 
 def _torque(elements: Elements, on_edges: Floats) -> Floats:
-    """Return the moments (e,), N m, of clamped edges on the sheet, from the forces on the unknown `rotation`."""
+    """Return the moments (e,), N m, on the sheet at its edges: the entries of `on_edges` for the unknown `rotation`."""
     if "rotation" not in elements.on_edges:
         return np.zeros(0)
     return np.asarray(on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")])

@@ -64,7 +64,7 @@ def membrane_stresses(surface: Surface, material: Material, law: Law, elements: 
 SMOOTH = np.cos(np.radians(30))
 """Cosine of 30 degrees. A face lies across a fold if its normal and the mean normal at a corner differ by more."""
 
-WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of places of xx, yy, zz, yz, xz, xy in a tensor.
+WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of times that xx, yy, zz, yz, xz, xy occur in a tensor.
 HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
 
 
@@ -97,7 +97,7 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
 
 
 def _tensors(frame: Floats) -> Floats:
-    """Return components xx, yy, zz, yz, xz, xy in space of the plane tensors xx, yy and xy of each frame, (m, 3, 6)."""
+    """Return the unit tensors xx, yy and xy of each frame as tensors in space, (m, 3, 6): xx, yy, zz, yz, xz, xy."""
     a, b = frame[:, 0], frame[:, 1]
     c, d = a[:, [1, 2, 0]], a[:, [2, 0, 1]]
     e, f = b[:, [1, 2, 0]], b[:, [2, 0, 1]]

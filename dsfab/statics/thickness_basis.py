@@ -117,10 +117,10 @@ def _independent_columns(columns: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ThicknessBasis:
-    """Reduced bases that give the answers of a sheet at other thicknesses, see `from_sheet`.
+    """Reduced bases for displacements and buckling of a sheet at other thicknesses, see `from_sheet`.
     loads     : the loads by name, at the thickness of `sheet`.
     constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m.
-    vectors   : (u, b) basis of the answers.
+    vectors   : (u, b) basis of the displacements.
     reduced   : (3, b, b) `projection` on `vectors`.    modes : (3, s, s) `projection` on the buckling modes.
     geometric : (b, s, s) products x_i . -K_g x_j of modes. K_g is for the stress of one vector in a sheet 1 m thick."""
 

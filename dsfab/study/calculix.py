@@ -99,7 +99,7 @@ def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
 
 
-THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # shares of a vertex force: node below, above, and in the middle
+THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # shares of a vertex's force on its lower, upper and middle nodes
 
 
 @dataclass(frozen=True, eq=False)

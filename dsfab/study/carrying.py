@@ -245,7 +245,7 @@ def cut_carrying(statics: CutStatics) -> Carrying:
     if use.value > 1:
         faults.append(f"the load on {use.member} is {use.value:.0%} of its resistance ({use.check})")
     if factor is not None and factor <= 1:
-        faults.append(f"it buckles at {factor:.2g} times its load")
+        faults.append(f"the sheet buckles at {factor:.2g} times its load")
     remarks = (*outcome.remarks, *aside, *_narrow_ribs(statics))
     return replace(outcome, buckling=factor, buckling_case=buckling_case, faults=tuple(faults), remarks=remarks)
 

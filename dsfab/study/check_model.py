@@ -102,7 +102,7 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return the numbers (3,) of the surface's coordinates that become x, y and z of the file, seen along `axis`."""
+    """Return the surface's coordinate (0 to 2) for each of x, y and z in the file, (3,). z is the coordinate `axis`."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
@@ -206,7 +206,7 @@ def _mode_lines(preset: Preset, setting: LoadedSurface, material: Sheet, progres
     if lines:
         assumed = f"; {modes.assumed}" if modes.assumed else ""
         meshes = f"Buckling factors and frequencies are extrapolated from {len(modes.levels)} meshes"
-        lines.append(f"{meshes}{assumed}; no step of this file computes these values")
+        lines.append(f"{meshes}{assumed}; no analysis step in this file computes buckling factors or frequencies")
     return [*lines, *modes.refusals]
 
 
@@ -251,7 +251,7 @@ def _check_model(
             for line in _expected_lines(name, model, answer.u[:, turn], rigid[name], stored[name])
         ),
         *modes,
-        "Reactions are as CalculiX prints them: forces of its rigid supports together with the loads on their nodes",
+        "Each reaction is the sum that CalculiX prints: the force of a rigid support plus the loads on its nodes",
         "If CalculiX and dsfab differ by more than you accept, refine the mesh (surface.refine, surface.edge)",
     )
     return CheckModel(replace(model, name=preset.name, notes=notes), surface, answers, warnings)

@@ -235,8 +235,8 @@ class Checks:
 
     def judge(self, depth: str, every: bool = False) -> Judge:
         """Return the function that checks a structure to a depth.
-        depth : "quick", "full", or "whole": full for uncut sheets, which have coarse meshes, and quick for cut sheets.
-        every : True to judge all cases; else only those that the pattern follows."""
+        depth : "quick" (one solve), "full" (several meshes), or "whole": full for uncut sheets, quick for cut sheets.
+        every : True to judge all cases; else only the cases whose stresses determine the pattern."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
         if depth == "full":

@@ -259,7 +259,7 @@ def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def raised_value(value: float, check: Check) -> float:
-    """Return a larger width (m): the limit, or at most 1.25 times a `value` that is already above the limit."""
+    """Return a larger width (m): the limit if `value` is smaller; else `value` times a factor of at most 1.25."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)

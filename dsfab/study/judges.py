@@ -123,7 +123,7 @@ def quick(
     The error bound of the compliance is 5 %, which holds for nine designs in ten. For uncut sheets that bend, it is
     50 %, because their meshes are coarse.
     ask   : requested frequencies and buckling factors; only the lowest are computed.
-    every : True to judge all cases and combinations; else only those that the pattern follows.
+    every : True to judge all cases and combinations; else only those whose stresses determine the pattern.
     Raises StaticsError if the structure does not carry a load."""
     answers, request = solved_loads(task, structure, every), ask or ResultRequest()
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
@@ -131,7 +131,7 @@ def quick(
     typical, largest = estimates.QUICK_ERRORS
     text = f"one solve on the cut mesh: typical error {typical:.0%}, 90 % of designs under {largest:.0%}; no verdict"
     if structure.cells is structure.sheet and not task.is_plane:
-        largest, text = (0.5, "one solve on the uncut mesh: the largest known error is a third; it may be larger")
+        largest, text = (0.5, "one solve on the uncut mesh: the largest known error is a third; errors may be larger")
     return Judgement(total, cases, bound=largest, reason=text)
 
 

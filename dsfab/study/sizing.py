@@ -76,8 +76,8 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield a table of the trials, then remarks.
-        every : True for all trials. False for the cut designs and the draft of the next thinner sheet. If the pattern
-                was changed or misses targets, this draft is replaced by all drafts of the chosen thickness."""
+        every : True to list all trials. False to list the cut designs and the draft of the next thinner sheet. If the
+                pattern was changed or misses targets, the table lists all drafts of the chosen thickness instead."""
         thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
         if every or self.changes or not self.fits:
             shown = {trial.thickness for trial in self.trials} if every else {thickness}
@@ -180,8 +180,8 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
-    """Return trials of the thicknesses near that of a draft. If a better thickness may lie beyond this range, a draft
-    at the end of the range follows. If the last draft was at this end, the new draft has the stock's next thickness.
+    """Return trials of stock thicknesses near the thickness of a draft. If a thinner or thicker sheet may be better, a
+    new draft has the first or last of these thicknesses; if the old draft had it already, the next one in the stock.
     Raises PatternError or StaticsError if the first draft fails."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
@@ -207,7 +207,7 @@ def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) 
 
 
 def _draft(design: Design) -> Design:
-    """Return the design with approximate widths and without round corners, which has half of the triangles."""
+    """Return the design with approximate widths and without round corners. It has half as many triangles."""
     draft = Design.from_preset(design.preset.with_pattern(fillet=0.0), design)
     return draft.sketch(answers=True) or draft
 

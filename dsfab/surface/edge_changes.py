@@ -232,7 +232,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Mark the quads (k, 4) of faces (k, 2) that may flip: c-d is a new edge near the surface; no face turns over."""
+    """Mark quads (k, 4) of faces (k, 2) whose edge a-b may become c-d: c-d is new and near a-b; no face turns over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

@@ -263,7 +263,7 @@ class CornerField:
 
     @cached_property
     def changed_faces(self) -> Bools:
-        """Mask (m,) of the faces where `sign` or `shift` makes a corner's value different from x."""
+        """Mask (m,) of the faces that have a `sign` of -1 or a `shift` other than 0 at a corner."""
         return np.asarray(((self.sign < 0) | (self.shift != 0)).any(axis=1))
 
     def corners(self, F: Ints) -> Floats:

@@ -37,7 +37,7 @@ class Windows:
 
     @property
     def edge(self) -> Ints:
-        """Number (k,) of the edge that contains each window."""
+        """Number (k,) of the edge of each window. A window is the part of an edge that straight paths reach."""
         return self.names[:, 0]
 
     @property
@@ -57,12 +57,12 @@ class Windows:
 
     @property
     def parallel(self) -> Bools:
-        """True (k,) if rays come parallel from the line y = 0; False if they come from the point (0, 0)."""
+        """True (k,) if the rays are parallel and start on the line y = 0; False if they start in the point (0, 0)."""
         return np.asarray(self.names[:, 4] > 0)
 
     @property
     def at_a(self) -> Floats:
-        """Positions A (k, 2) of the edges' first vertices; sources are on the right of the direction from A to B."""
+        """Positions A (k, 2) of the edges' first vertices. Seen from A to B, the rays' sources are on the right."""
         return self.values[:, 0:2]
 
     @property

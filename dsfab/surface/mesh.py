@@ -72,7 +72,7 @@ class NearestPlaces(NamedTuple):
 
     @property
     def distance(self) -> Floats:
-        """Distances (k,) in the mesh's unit."""
+        """Distances (k,) from the points to their nearest places, in the mesh's unit."""
         return np.sqrt(self.squared)
 
 

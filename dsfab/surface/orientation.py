@@ -43,7 +43,7 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
     j, turn = 2 * np.concatenate([at_start, at_end]), np.tile(clash, 2)
     i, j = np.concatenate([i, i + 1]), np.concatenate([j + turn, j + 1 - turn])
     side = link_components(6 * len(F), i, j)[1].reshape(-1, 2)
-    fan, reference = np.unique(side.min(axis=1), return_index=True)  # each face corner has a node for each side
+    fan, reference = np.unique(side.min(axis=1), return_index=True)  # fan number: lower label of a corner's two sides
     reference_corner = reference[np.searchsorted(fan, side.min(axis=1))]
     sides: Ints = np.where(side[:, 0] == side[reference_corner, 0], 1, -1).reshape(-1, 3)
     return sides

@@ -51,7 +51,7 @@ def _edge_names(ends: Ints, count: int = 5) -> str:
     return ", ".join(f"{a}-{b}" for a, b in ends[:count]) + (", ..." if len(ends) > count else "")
 
 
-VISIBILITY_GAP = 0.001  # The search ends if the cosine is within this fraction of the best possible one.
+VISIBILITY_GAP = 0.001  # Relative tolerance of the search in `visible_normals`.
 CHUNK = 1 << 13  # Number of faces processed together, because they fit the processor's cache.
 
 
@@ -130,7 +130,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Return unit normals (n, 3) along `point`, or along `mean` if `point` is behind a face, or else of any face."""
+    """Normalise the vectors `point` (n, 3). Where a face points away, use `mean`, or a face normal if that is zero."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -221,7 +221,7 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
 def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
-    """Return factors (n,), at most 1, for D (n, 3) with which every prism over a face has a clearly positive Jacobian.
+    """Return factors (n,), at most 1, for the vectors D (n, 3). With them, prisms have a clearly positive Jacobian.
     A smaller Jacobian is accepted at corners with offsets nearly parallel to the face, because shrinking does not help.
     sides  : (m, 3) as in `Offsets`.
     shrink : factor of each step."""
@@ -244,7 +244,7 @@ def safe_shares(
 
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and least safe values (m, 3).
+    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and their safe minimum (m, 3).
     P : (m, 3, 3) corners of the faces.
     d : (m, 3, 3) half-thickness vectors at the corners, on the side of the faces' normals.
     Coefficient [k, v] belongs to Bernstein polynomial k of s and corner v. If all coefficients are positive, the prism
@@ -256,4 +256,4 @@ def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     scale = (lengths(flat) * lengths(d).mean(axis=1))[:, None]
     C = np.stack([np.einsum("mi,mvi->mv", N, d) / scale for N in normals], axis=1)
     straight = np.einsum("mi,mvi->mv", flat, d) / scale
-    return C, np.minimum(0.2, 0.5 * straight)  # a limit of 0.05 is too weak; with 0.4 `safe_shares` may not converge
+    return C, np.minimum(0.2, 0.5 * straight)  # 0.05 is too low to be safe; with 0.4, `safe_shares` may not converge

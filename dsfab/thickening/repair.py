@@ -72,7 +72,7 @@ def flatten_contacts(
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
-    """Return the smallest cosine (n,) between each offset and the face normals around it, flipped to its side."""
+    """Return the smallest cosine (n,) between each offset and the face normals around it. Downwards, normals flip."""
     side = np.where(skin.upper < surface.n, 1, -1)
     unit = D / np.linalg.norm(D, axis=1, keepdims=True)
     cosine = np.einsum("mi,mvi->mv", surface.normals, unit[surface.F]) * side
@@ -173,8 +173,8 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
-    """Shorten offsets at pairs of intersecting faces, at most to `THINNEST`; return the state with the fewest pairs.
-    free : (n,) marks of vertices whose offsets may be shortened."""
+    """Shorten offsets at pairs of intersecting faces, to no less than the fraction `THINNEST` of their length.
+    Return the offsets and pairs of the round with the fewest pairs. free : (n,) vertices whose offsets may change."""
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)

@@ -24,7 +24,7 @@ def is_fine(V: Floats, D: Floats) -> bool:
 
 
 def rounding_step(V: Floats, D: Floats) -> float:
-    """Return an upper bound (m) for the moves of vertices V + 2 D, both (n, 3), by `round_to_single`."""
+    """Return an upper bound (m) for moves of V + 2 D by `round_to_single`. D : (n, 3) vectors of half a thickness."""
     largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
     return float(np.spacing(np.float32(largest)) / MM_PER_M)
 

@@ -225,7 +225,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     _check_upward(surface, skin, D)
     among = None if proven is None else ~proven[skin.sources()]
     repair = repair_skin(surface, skin, D, among)
-    if skin.single and len(repair.pairs) and not repair.union:  # rounding alone may cause these crossings
+    if skin.single and len(repair.pairs) and not repair.union:  # rounding alone may cause the intersections
         skin = replace(skin, single=False)
         exact = repair_skin(surface, skin, D, among)
         skin, repair = (skin, exact) if len(exact.pairs) < len(repair.pairs) else (replace(skin, single=True), repair)

@@ -15,7 +15,7 @@ from dsfab.surface.topology import adjacency, corner_fans, corners_of, edge_tabl
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
-INWARD = 0.005  # Share of the way to the mean of their neighbours that vertices at seams and patch borders move.
+INWARD = 0.005  # Vertices at seams and patch borders move by this fraction of the way to their neighbours' mean.
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class Overlap:
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Return one part for each colour of the faces (m,); a part extends over adjacent faces of higher colours.
     clashes : (k, 2) pairs of faces of the sheet whose thickened solids meet; no part contains such a pair.
-    Where a part of colour c borders a lower colour, it is thinner by 2 % (1 + c / 2). Beside this border, it is thinner
-    by half of this amount."""
+    Where a part of colour c borders a lower colour, its thickness is multiplied by 1 - 2 s, with s = 0.01 (1 + c / 2).
+    At the next vertices, its thickness is multiplied by 1 - s."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -69,7 +69,7 @@ def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clas
 
 
 def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_vertices: Bools) -> Floats:
-    """Return all vertices (n, 3), with vertices `beyond` a part moved 45 % along their shortest edge to the part."""
+    """Return all vertices (n, 3). Vertices `beyond` a part are moved towards it by 45 % of the shortest edge to it."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
     used = beyond[i] & own_vertices[j]
     i, j = i[used], j[used]
@@ -89,7 +89,7 @@ def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools
     return V
 
 
-THIN = 0.8  # Offsets at faces that meet are multiplied by this in each round.
+THIN = 0.8  # Factor on the offsets at intersecting faces, in each round.
 THINNEST = 0.3  # Smallest fraction of an offset that thinning leaves.
 
 
@@ -175,7 +175,7 @@ def _touching(F: Ints) -> Bools:
 
 
 def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
-    """Cut patches (m,) halfway between clashing faces until no patch has a pair; None above `patch_limit` patches."""
+    """Cut patches (m,) until no patch has two clashing faces. Return None if this needs over `patch_limit` patches."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:
@@ -217,7 +217,7 @@ class PrismPart(NamedTuple):
 
 
 def prism_part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> PrismPart:
-    """Return the closed mesh of a part with offsets `corners` (m, 3, 3), m. Each fan of faces has its own vertices."""
+    """Return a part as a closed mesh. corners : (m, 3, 3) offsets of face corners, m. Each fan has its own vertices."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

@@ -27,7 +27,7 @@ __all__ = [
 FAMILIES = (plates, beams, plane, shells, vibrations, cut_sheets)
 TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # All tests by name.
 PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
-"""Default pairs of elements; the first two are only for comparison."""
+"""Default pairs of membrane and bending elements. The first two pairs are only for comparison."""
 
 
 def choose(names: Sequence[str]) -> list[Test]:
@@ -46,7 +46,7 @@ def choose(names: Sequence[str]) -> list[Test]:
 def verify(
     tests: Sequence[Test], pairs: Sequence[Elements] = PAIRS, progress: Callable[[str, str], None] | None = None
 ) -> Iterator[VerificationRow]:
-    """Yield the results of all tests, for each mesh pattern and pair of elements, and for other programs."""
+    """Yield results for each test and mesh pattern, by pairs of membrane and bending elements and by other programs."""
     for test in tests:
         if progress:
             progress(test.name, ", ".join(str(cells) for cells in test.cells) + " cells")

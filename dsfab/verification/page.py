@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 COLOURS = ("#c0653c", "#3d7fc4", "#2c9a62", "#9a6fc0", "#b0892a", "#c0507f")
-"""Colours of the pairs of elements, readable on white and on black."""
+"""Colours of the pairs of membrane and bending elements, readable on white and on black."""
 
 PUBLISHED, SUPPORT, LOAD = "#8d8d8d", "#2c9a62", "#c0653c"
 MARKS = "xd+^v*sp<>hDPX"
@@ -34,7 +34,7 @@ INK, FAINT = "#010203", "#040506"  # Placeholders for the page's colours of text
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
-    """Plot error (%) against unknowns: lines for pairs of elements and mesh patterns, marks for published values."""
+    """Plot error (%) against unknowns: lines for pairs of elements (membrane, bending), marks for published values."""
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):
             for k, mesh in enumerate(test.meshes):
@@ -179,7 +179,7 @@ svg { max-width: 100%; height: auto; font-family: var(--sans); } a { color: inhe
 
 
 def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[VerificationRow]) -> Path:
-    """Write `index.html` with these results into `folder`, and return its path. Raises ExportError."""
+    """Write `index.html` with the results `rows` of the tests into `folder`. Return its path. Raises ExportError."""
     text = page(tests, rows)
     with atomic_folder(folder) as partial:
         (partial / "index.html").write_text(text, encoding="utf-8")
@@ -212,13 +212,13 @@ def _head(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
         [
             "<h1>Can the statics be trusted?</h1>",
             "<p>Structures with known answers, each on at least three meshes. <b>Ratio</b> is the value found over ",
-            "the reference. Where thin sheets converge to another limit, a second ratio is over this limit, which the ",
+            "the reference. If thin sheets converge to another limit L, a second ratio is the value over L, which the ",
             f"targets are about. Numbers are reported from <b>{' and '.join(map(str, REPORTED))}</b>, which must be ",
-            "ok on every finest mesh (else the command fails); other elements are for comparison. Verdicts: ",
+            "ok on each test's finest mesh (else the command fails); other elements are for comparison. Verdicts: ",
             "<span class=ok>ok</span> within the tolerance of what the test is about, ",
             "<span class=coarse>coarse</span> not yet but on a finer mesh, ",
             "<span class=off>off</span> not on the finest either, <span class=quiet>not run</span> ",
-            "where hinges cannot clamp the edges of a test. In the plots lines are the mesh patterns in the order of ",
+            "where hinges cannot clamp the edges of a test. In plots, each mesh pattern has a line, in the order of ",
             "the table (solid, dashed, dotted), grey marks are published values, the grey line is the tolerance.</p>",
             f"<p>Targets of {PAIR}: {met} of {len(aimed)} met{'; missed:' if missed else '.'}</p><ul>{missed}</ul>",
             f"<p>Widest spread between mesh patterns at 16 cells: {100 * spread[widest]:.2g} % ({widest[0]}).</p>"
@@ -314,7 +314,7 @@ def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Stan
 
 
 def _limit(test: Test) -> str:
-    return "" if test.limit is None else f" Targets and second ratio are for the limit {test.limit:.6g} of thin sheets."
+    return "" if test.limit is None else f" Targets and ratios after / are for the thin-sheet limit {test.limit:.6g}."
 
 
 def _table(test: Test, rows: Sequence[VerificationRow]) -> str:

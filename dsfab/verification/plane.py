@@ -142,8 +142,8 @@ TESTS = [
     Test(
         "cook",
         23.96,
-        "Cook 1974, reference of refined meshes; whole panel",
-        "tapered panel, built in on one side and sheared on the other: move of the middle of its end",
+        "Cook 1974, reference value from refined meshes; model: the whole panel",
+        "tapered panel, built in on one side, sheared on the opposite side: displacement of that side's middle",
         cook,
         (2, 4, 8, 16),
         MESHES,

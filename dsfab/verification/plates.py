@@ -140,7 +140,7 @@ TESTS = [
     Test(
         "skew_plate",
         0.7945,
-        "Razzaque 1973, finite differences (recalled); whole plate",
+        "Razzaque 1973, finite differences (quoted from memory); model: the whole plate",
         "rhombic plate of 60 degrees on two simple supports under a uniform load: sag of its centre",
         skew_plate,
         cells=(4, 8, 16, 32),

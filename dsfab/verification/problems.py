@@ -55,7 +55,7 @@ def is_at(values: Floats, position: float) -> Bools:
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
-    """Return a mask (e,) of the boundary edges with both ends on one line. lines : masks (n,) of their vertices."""
+    """Return a mask (e,) of boundary edges whose two ends lie on the same line. lines : masks (n,) of vertices."""
     is_on_line = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
     return np.asarray(is_on_line & surface.edges.boundary)
 
@@ -153,8 +153,8 @@ class Problem:
         return int((~fixed).sum() + (~held_on_edges(self.surface, elements, fixed, self.clamped)).sum())
 
     def nodal_unknowns(self) -> int:
-        """Return the number of free unknowns of common shells: three displacements and two rotations at each vertex.
-        A clamped edge fixes one rotation, a built-in vertex both. A sheet that is loaded in its plane has none."""
+        """Return the number of free unknowns of usual shells: three displacements and two rotations at each vertex.
+        A clamped edge fixes one rotation, a built-in vertex both. A sheet loaded in its plane has no rotations."""
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True

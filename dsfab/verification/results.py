@@ -20,8 +20,8 @@ class VerificationRow:
     ratio    : value / reference; `ratio` and `value` are None if the elements cannot clamp the edges of the test.
     rate     : observed order of convergence from this mesh and the two coarser meshes; None on the first two meshes,
                and if rounding dominates.
-    verdict  : `ok`: within the tolerance of the test. `coarse`: outside, but the finest mesh is within. `off`: outside,
-               like the finest mesh. `theory`: the finest mesh is off, but meets the limit of thin sheets. `not run`:
+    verdict  : `ok`: error within the test's tolerance. `off`: larger error, also on the finest mesh. `coarse`: larger
+               error, but not on the finest mesh. `theory`: like `off`, but right in the thin-sheet limit. `not run`:
                the test clamps edges, and hinges have no rotations. `refused`: the sheet is too thin for the solver.
     target   : largest allowed relative error on this mesh; None without a target.
     met      : True if the error is below the target.
@@ -101,7 +101,7 @@ def observed_rate(values: Sequence[float | None]) -> float | None:
 
 
 def pattern_spread(rows: Iterable[VerificationRow]) -> dict[tuple[str, str, int], float]:
-    """Return, for each (test, elements, cells), the largest relative difference between values of mesh patterns."""
+    """Return the spread of the values over all mesh patterns, max / min - 1, for each (test, elements, cells)."""
     values: dict[tuple[str, str, int], list[float]] = {}
     for row in rows:
         if row.value is not None:
@@ -143,8 +143,8 @@ class Published:
     """One published value, divided by the reference of its source.
 
     cells    : number of cells of this test's mesh; None if the source has only a `note`, such as "coarse mesh".
-    unknowns : number of unknowns of the source's mesh; None if the test's mesh has as many. If it is not None, `cells`
-               is that of the test's next coarser mesh."""
+    unknowns : number of unknowns of the source's mesh; None if the test's mesh has the same number. If the number
+               differs, `cells` belongs to the next coarser mesh of the test."""
 
     test: str
     element: str
@@ -269,11 +269,11 @@ Outcome = Literal["better", "alike", "worse", "unknown"]
 
 @dataclass(frozen=True)
 class Standing:
-    """One published value beside dsfab's pair of elements for displacements.
+    """One published value beside the error of dsfab's elements for displacements.
 
     unknowns : number in the published mesh; None if unknown.
-    ours     : largest relative error of dsfab's pair on all regular patterns, on this mesh and finer meshes; None
-               without a comparable mesh.
+    ours     : largest relative error of dsfab's elements on all regular mesh patterns, on meshes at least as fine as
+               the published mesh; None without a comparable mesh.
     basis    : `unknowns`: `ours` is interpolated to the published number of unknowns, or is that of dsfab's finest
                mesh. `cells`: `ours` is for the published number of cells, because dsfab's meshes have more unknowns.
     outcome  : result of the comparison: our error is better than, like, or worse than the published error."""
@@ -297,7 +297,7 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Return unknowns and largest error of all patterns, by number of cells; omit numbers where a pattern failed."""
+    """Return unknowns and largest error over the mesh patterns, by number of cells, if each pattern has a result."""
     worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         cell_rows = [row for row in rows if row.cells == cells]
@@ -341,7 +341,7 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
     # errors on finer meshes count, because a value may pass through the reference before it converges
     errors = np.maximum.accumulate(errors[::-1])[::-1]
     theirs = abs(published.ratio - 1)
-    if unknowns >= 0.8 * sizes[0]:  # up to a fifth fewer unknowns count as equal
+    if unknowns >= 0.8 * sizes[0]:  # accept up to a fifth fewer unknowns than on dsfab's coarsest mesh
         error = float(np.exp(np.interp(np.log(unknowns), np.log(sizes), np.log(np.maximum(errors, 1e-9)))))
         return Standing(published, unknowns, error, "unknowns", _outcome(error, theirs))
     if published.cells is not None and published.cells in ours:

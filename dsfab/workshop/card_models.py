@@ -118,7 +118,7 @@ class PanelParts:
     """Panels, and counts of their details.
     sharp   : names of nodes at which the angle between members is too sharp for a cut.
     covered : number of bays that are too short for a panel.
-    feet    : pairs of a panel's name and its foot."""
+    feet    : name of each panel that stands on the base plate, with the end of the panel that stands there."""
 
     parts: list[FlatPart] = field(default_factory=list)
     sharp: list[str] = field(default_factory=list)
@@ -130,7 +130,7 @@ class PanelParts:
     def lines(self) -> list[str]:
         """Sentences for the builder about the panels."""
         sentences = [
-            f"{len(self.parts)} panels in one skin with {self.tabs} tabs: at crossings, edges or else family A continue"
+            f"{len(self.parts)} panels in one skin with {self.tabs} tabs: family A cuts B, edge members cut A and B"
         ]
         if self.sharp:
             nodes = names_and_count(self.sharp)

@@ -127,7 +127,7 @@ def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floa
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
-    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # stations over 4 widths
+    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # number of stations
     mode: Literal["wrap", "nearest"] = "wrap" if axis.closed else "nearest"
     calm = median_filter(sides, size=(2 * round(reach / 2) + 1, 1), mode=mode)
     calm = gaussian_filter1d(calm, max(reach, 0.5), axis=0, mode=mode)
@@ -211,7 +211,7 @@ class Development:
 
     @cached_property
     def angle(self) -> Floats:
-        """Tangent angle (k,) of the flat middle line (radians): integral of the axis's kg plus change of `turn`."""
+        """Tangent angle (k,) of the flat middle line, radians: integral of geodesic curvature plus change of `turn`."""
         kg = self.course.kg
         bent = np.concatenate([[0.0], np.cumsum((kg[1:] + kg[:-1]) / 2 * np.diff(self.course.s))])
         return np.asarray(bent + self.turn - self.turn[0])

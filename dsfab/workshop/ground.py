@@ -1,7 +1,7 @@
-"""Feet of strips with tabs, and the base plate that they stand in.
+"""Feet with tabs at the ends of strips of card, and the base plate on which the feet stand.
 
-layer   ║ ║         shoulders stand on the plate, which is as thick as the card;
-      ──╨─╨──       the tab between them goes through a slot of the plate
+layer   ║ ║         shoulders stand on the plate, which is as thick as the card of the strips;
+      ──╨─╨──       the tab between the shoulders goes through a slot of the plate
      ▒▒▒▒│▒│▒▒▒     plate"""
 
 from dataclasses import dataclass, replace

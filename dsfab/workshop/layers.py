@@ -121,7 +121,7 @@ def shortened_courses(
     joined: set[frozenset[str]],
     overhang: float,
 ) -> dict[str, StripCourse]:
-    """Return courses of one layer that stop before they run into another course.
+    """Return courses (built parts of axes) of one layer that stop before they run into another course.
     A course ends `overhang` metres beyond its last node before the collision. Without such a node, it ends at the
     collision.
     nodes  : arc lengths of nodes on each course, metres.
@@ -141,7 +141,7 @@ def shortened_courses(
 
 
 def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
-    """Return the courses, by member, that stop because the member curls up at an end (see `uncurled_span`)."""
+    """Return, by member, the built part of the axis if it ends before a curled end of the member (`uncurled_span`)."""
     lengths = {member.id: member.length for member in members}
     return {name: c for name, c in courses.items() if not c.closed and (c.begin > 0 or c.end < lengths[name])}
 

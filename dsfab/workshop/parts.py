@@ -259,7 +259,7 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
         return None
     if _outline_distance(turn * model.outline, part.outline + shift) > distance:
         return None
-    # outlines begin with the right edge, which is the former left edge after half a turn
+    # outlines begin with the right edge; half a turn makes the left edge the right edge
     outline = model.outline if turn == 1 else -np.roll(model.outline, len(model.axis), axis=0)
     drilled = tuple(replace(hole, at=model_holes[k]) for hole, k in zip(part.holes, order, strict=True))
     marks = tuple(mark + shift for mark in part.marks)

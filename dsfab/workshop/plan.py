@@ -198,8 +198,8 @@ def node_normals(design: Design, graph: MemberGraph) -> Floats:
 JOINT_SENTENCES = {
     "butt": "cut straight and butted: no joint is drawn; for a joint, set workshop.splice to 'fingers' or 'scarf'",
     "fingers": "joined by fingers that are {} long and fit without a gap; a round cutter leaves round inner corners",
-    "scarf": "which overlap by {} and are glued there on bevels from the engraved line to the edge: on the engraved "
-    "face at the right and upper edges, on the back at the left and lower edges",
+    "scarf": "which overlap by {} and are glued there; bevel the right and upper edges on the engraved face, the left "
+    "and lower edges on the back, from the engraved line to the edge",
 }
 """Second half of the sentence on the pieces of a flat sheet, by their joint."""
 TAB_CLEARANCE = 1e-4  # gap between a tab and its slot in a model's base plate, on each side (m)
@@ -447,7 +447,7 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     if strips.shortened:
         notes.append(
             f"{_quantity(len(strips.shortened), 'strip')} {stopping_clause(len(strips.shortened))} other strips "
-            f"of the same layer or curl up: {names_and_count(strips.shortened)}; "
+            f"of the same layer, or would curl up: {names_and_count(strips.shortened)}; "
             f"these strips miss {_quantity(len(strips.missed_nodes), 'node')}"
         )
     if strips.vanished:

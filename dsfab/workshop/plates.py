@@ -33,7 +33,7 @@ from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, is_strip
 
 
 def is_plate(member: Member) -> bool:
-    """Return whether a member is built as a plate: it is not a strip, and not a fill, which is not built."""
+    """Return whether a member is built as a plate. Strips are not plates, and fills are not built."""
     return member.kind != "fill" and not is_strip(member)
 
 
@@ -204,7 +204,7 @@ def _rectangles(level: Surface, room: list[tuple[float, float]], joint: SheetJoi
 
 @dataclass(frozen=True, eq=False)
 class _SheetGrid:
-    """Equal rectangles of a sheet with their joints. size : (2,) of the sheet (m)."""
+    """Division of a sheet into equal rectangles that are connected by joints. size : (2,) of the sheet (m)."""
 
     size: Floats
     counts: tuple[int, int]
@@ -230,12 +230,12 @@ class _SheetGrid:
         numbers = list[Ints]()
         for axis in (0, 1):
             odd = (places[:, 1 - axis] * self.fingers(1 - axis) / self.size[1 - axis]).astype(int) % 2
-            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # fingers cross the line by half the reach
+            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # half of each finger lies in the next rectangle
             numbers.append(np.clip((moved * self.counts[axis] / self.size[axis]).astype(int), 0, self.counts[axis] - 1))
         return np.asarray(numbers[0] * self.counts[1] + numbers[1])
 
     def inside(self, places: Floats, which: tuple[int, int], margin: float) -> Bools:
-        """Return a mask (m,) of the places (m, 3) in a rectangle, or up to `margin` metres beyond its joints."""
+        """Return a mask (m,) of places (m, 3) in the piece `which`, or up to `margin` metres beyond its joints."""
         is_inside = np.ones(len(places), dtype=bool)
         for axis in (0, 1):
             ends = np.concatenate([[-np.inf], self.joints(axis), [np.inf]])[which[axis] : which[axis] + 2]

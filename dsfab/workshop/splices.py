@@ -31,7 +31,7 @@ def box_fits(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]
 
 
 def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
-    """Return whether the outline (k, 2) of a strip fits into one of the rectangles, along or across.
+    """Return whether the outline (k, 2) of a strip fits into a rectangle of `room`, lengthwise or crosswise.
     along : (2,) direction from the beginning of the strip's axis to its end, as in `FlatPart.along_x`.
     A strip that overlaps itself does not fit."""
     k = len(outline) // 2

@@ -80,7 +80,7 @@ def sheet_hints(
 
 
 def narrow_strip(part: FlatPart, share: float) -> FlatPart:
-    """Return a strip with `share` times its width, and with its middle line and holes; other parts do not change."""
+    """Return a strip with `share` times its width. Its middle line and holes stay. Other parts do not change."""
     if not _is_strip(part):
         return part
     outline = part.outline
@@ -116,7 +116,7 @@ def _narrower_hint(
         if trial is not None:
             how = f"{length(new_width)} wide instead of {length(width)}" if alike else f"{1 - share:.0%} narrower"
             saving = _saving_text(trial, sheets)
-            yield f"with strips {how}, the parts would need {saving}; see [pattern.width], and judge the design again"
+            yield f"with strips {how}, the parts would need {saving}; see [pattern.width], and build the design again"
             return
 
 

@@ -293,7 +293,7 @@ class StripLimits:
                 f"workshop.thickness to {np.floor(1e4 * self.thickest) / 1e4:g} or less"
             )
         else:
-            lines.append(f"{bending_text}; allowed: {self.limit:.2%}; up to {length(self.thickest)} could be bent")
+            lines.append(f"{bending_text}; allowed: {self.limit:.2%}; layers up to {length(self.thickest)} can be bent")
         if self.shape >= LEAST_STRAIN:
             lines.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
         if self.edge > self.wanted_edge * 1.05:
@@ -306,8 +306,8 @@ class StripLimits:
 
 
 def drilling_edge(graph: MemberGraph) -> float:
-    """Return the largest edge (m) of a mesh with flat faces on which typical bays have the right length to `HOLE_FIT`.
-    The result is infinite without bending. Edges e change a bay L with curvature k by at most about L (e k)^2 / 8."""
+    """Return the largest mesh edge (m) at which the length of a typical bay has an error up to `HOLE_FIT`.
+    Without bending, it is infinite. Edges e change a bay L with curvature k by at most about L (e k)^2 / 8."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
     bend = float(np.quantile(np.concatenate(bends), 0.95)) if bends else 0.0  # ignores rare peaks

@@ -120,7 +120,7 @@ def _workshop_controls(surface: Surface) -> list[Control]:
 
 _NO_SLITS = (
     "Closes openings and widens members that are too narrow for a workshop; the limits depend on the thickness. "
-    "A dash means the default: on for evenly spaced stripes, except with the width rule stressed."
+    "A dash means the default: on for evenly spaced stripes, unless the width rule is 'stressed'."
 )
 _BED = "Space in the machine along x, y and z in metres, for instance 0.25 x 0.21 x 0.2; empty: no check of the size."
 
@@ -162,7 +162,7 @@ def _method_controls() -> list[Control]:
     ]
 
 
-_METHOD = "modes: stripes follow the modes of the diffusion; stripes: evenly spaced stripes along the stress."
+_METHOD = "modes: stripes along level lines of eigenmodes; stripes: evenly spaced stripes along the stress."
 _FAMILIES = "A single family has no crossings; the rim and kept regions hold its members together."
 _HALVE = "Where stripes crowd, every second stripe ends on a crossing member."
 _STRIPE_SYMMETRY = "auto: stripes have all mirror and rotational symmetries of surface, supports and loads; none: none."
@@ -222,8 +222,8 @@ _FRACTION = (
 _MISSED = "Largest error of the solid fraction where it cannot be met exactly. A note states the actual share."
 _NONE = "0 sets no limit."
 _THINNEST = (
-    "0 sets no limit. auto: evenly spaced members of graded width are at least as wide as the sheet is thick, or half "
-    "as wide as equal members would be, whichever is less."
+    "0 sets no limit. auto: for evenly spaced members of graded width, the limit is the thickness of the sheet. The "
+    "limit is at most half of the width that members would have if all were equally wide."
 )
 
 
@@ -241,6 +241,6 @@ def _kept_controls(reach: float) -> list[Control]:
 
 _FILLET = "Radius of the corners of openings; only the built solid shows it."
 _TIDY = (
-    "Cuts members that end in an opening back to their last crossing, and fills slits; only the built solid shows it. "
+    "Removes the parts of members beyond their last crossing, and fills slits; only the built solid shows the change. "
     "A dash means the default: on for evenly spaced stripes."
 )

@@ -196,7 +196,7 @@ class EditorHandler(BaseHTTPRequestHandler):
             self.wfile.write(b": here\n\n")
             while True:
                 try:
-                    news = listener.get(timeout=15)  # every 15 s a line tests the connection
+                    news = listener.get(timeout=15)  # after 15 s without news, write a line to test the connection
                 except queue.Empty:
                     self.wfile.write(b": still here\n\n")
                     continue

@@ -89,8 +89,8 @@ MATERIAL = "statics.material"  # Key whose value decides the thickness in a prop
 @dataclass(frozen=True)
 class OpenedPreset:
     """A preset and its origin.
-    words   : words of the command line after `dsfab build`; empty for a preset that only the page has.
-    mesh    : the user's name for a mesh file from the page, of which this machine has a copy.
+    words   : words of the command line after `dsfab build`; empty for a preset that was opened in the browser.
+    mesh    : the user's name for a mesh file that was dropped on the editor's page; '' without this mesh file.
     decided : decisions of `dsfab new` for a mesh."""
 
     preset: Preset
@@ -99,7 +99,7 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and new files."""
+        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and another file."""
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):  # the page must not choose files on this machine
             raise PresetError(
@@ -112,7 +112,7 @@ class OpenedPreset:
         return preset
 
     def toml(self, changes: Mapping[str, Any]) -> str:
-        """Return the changed preset as TOML. If the user dropped a mesh on the page, its file has the user's name."""
+        """Return the changed preset as TOML. A mesh that the user dropped on the page keeps the user's file name."""
         preset = self.preset_with(changes)
         return preset_toml(with_file(preset, Path(self.mesh)) if self.page_mesh else preset)
 
@@ -134,7 +134,7 @@ class OpenedPreset:
         return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
 
     def open_toml(self, text: str) -> "OpenedPreset":
-        """Open a preset file from the page. Raises PresetError as `load_preset`, and if the mesh is not open."""
+        """Open a preset file from the page. Raises PresetError as `load_preset`, and if its mesh is not loaded."""
         try:
             values = toml_table(text)
         except TomlError as error:

@@ -110,7 +110,7 @@ def solve_structure(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_preview(request: HopsRequest) -> Sequence[Any]:
-    """Return the cut sheet, its centre lines, and notes; without the solid, the answer takes less time."""
+    """Return the cut sheet, its centre lines, and notes. The solid is not computed, which saves time."""
     design = design_of_request(request).until("slicing")
     sheet, lines = design.sheet.surface, _curves_and_names(design, "centre", request)[0]
     return mesh_json(sheet.V / request.metre, sheet.F), lines, _note_texts(design, request)

@@ -160,7 +160,7 @@ class HopsHandler(BaseHTTPRequestHandler):
     def _refusal(self) -> str:
         if self.headers.get("Host", "").lower() not in self.server.hosts:
             return "this server answers only at its own address; use the address that dsfab hops printed"
-        return "this server answers Hops, but no page of a browser" if self.headers.get("Origin") is not None else ""
+        return "this server answers Hops, but not web pages" if self.headers.get("Origin") is not None else ""
 
     def _refuse(self, status: HTTPStatus, text: str) -> None:
         self.close_connection = True  # the rest of the request stays unread

@@ -53,7 +53,7 @@ def factorise(
     K      : the matrix, or a function that builds it. A function saves memory with PARDISO.
     points : (n, 3) positions, which only determine the order of elimination.
     node   : (N,) the point of each unknown; default: unknown i is on point i.
-    solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; default: the first usable solver of the list above.
+    solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; default: PARDISO if installed, else multifrontal.
     rigid  : (N, 6) rigid motions in the unknowns of K, which multigrid needs.
 
     Raises NotPositiveDefinite for a pivot that is not positive. Raises FactorMemoryError if the factor does not fit

@@ -179,7 +179,7 @@ class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgErr
 
 @dataclass(frozen=True, eq=False)
 class Fronts:
-    """Analysis of the pattern of a matrix for its factor, independent of its values.
+    """Symbolic factorisation of a sparse matrix. It depends on the pattern of the matrix, not on its values.
     order    : (N,) unknowns in the order of elimination. All other fields number unknowns in this order.
     start    : (fronts + 1,) front s eliminates the unknowns start[s], ..., start[s + 1] - 1.
     rows     : for each front, the later unknowns that it changes, ascending.
@@ -198,11 +198,11 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Analyse K (N, N) by points, because unknowns of a point have the same rows; unknown i is on point node[i]."""
+        """Analyse the pattern of K (N, N), point by point. Unknown i is on point node[i]."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # points of a part are sorted along a curve: so unknowns of a child lie side by side, and are fast to add
+        # points of a part are sorted along a curve, so that neighbours have similar numbers; fronts then add up fast
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
@@ -234,7 +234,7 @@ class Fronts:
 
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
-    """Return the later points that each front changes (with fill), and the children of each front.
+    """Return the later points that each front changes, also by fill-in, and the children of each front.
     row, column : points of every entry below the diagonal.    front_start : (fronts + 1,) first point of each front."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))

@@ -136,7 +136,7 @@ STEERED = ("along", "guided", "over")  # Fields of `StripeSteering` in the archi
 
 
 def field_arrays(key: str, field: Field) -> Arrays:
-    """Return the arrays that store a field, by name. key : name of the array of values, with which all names begin."""
+    """Return the arrays that store a field, by name. key : name of the array of values."""
     if isinstance(field, DividedField):
         divided = field.divided
         rows = {"data": divided.weights.data, "indices": divided.weights.indices, "indptr": divided.weights.indptr}

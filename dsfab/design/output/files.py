@@ -300,7 +300,7 @@ def _facts(design: Design) -> tuple[str, ...]:
 
 
 def curved_design(design: Design) -> Curved:
-    """Return the smooth sheet of a design. Raises ExportError if the solid has further parts."""
+    """Return the smooth sheet of a design. Raises ExportError for `thickening.extra` or a sheet crossing itself."""
     options = design.preset.thickening
     if options.extra:
         raise ExportError("a smooth sheet cannot have the parts of thickening.extra; remove thickening.extra")
@@ -347,8 +347,8 @@ def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) ->
 
 
 def largest_fields(fields: Floats, F: Ints, chart: Ints) -> Ints:
-    """Return for each face (m,) the number of its largest field (its chart). A face whose field is the largest at none
-    of its corners gets the field that is the largest at its centre."""
+    """Return the chart of each face (m,), which is the number of a field. A face keeps its chart if this field is the
+    largest field at one of its corners. Otherwise the face gets the field that is the largest at its centre."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

@@ -84,7 +84,7 @@ def _add_views(document: Any, part: Part) -> None:
 
 
 def add_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
-    """Draw a line from its curves and yield the new entities. Connected segments become polylines, others splines."""
+    """Draw a line from its curves and yield the new entities: straight curves become polylines, bent curves splines."""
     for run in joined_segments(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()

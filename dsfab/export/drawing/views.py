@@ -99,7 +99,7 @@ class _DepthPicture:
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
-        """Return (k,) True for points (k, 3) more than `margin` behind the sheet in their cell and all 8 around it."""
+        """Return (k,) True for points (k, 3) over `margin` behind the sheet in all 3 x 3 cells around the point."""
         cell_index = ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1
         cell_index = np.clip(cell_index, 1, np.array(self.depth.shape) - 2)
         nearest = np.full(len(points), np.inf)

@@ -18,7 +18,7 @@ UNCHECKED = (
     "joints: bolts, welds, holes, splices, and stress within nodes",
     "stability of the structure as a whole: nodes count as supported, so that bays buckle separately",
     "effects of displacements on forces (second order), and imperfections of the surface",
-    "slip between layers: sections are solid, as thick as the sheet",
+    "slip between layers: dsfab treats each section as solid, as thick as the sheet",
     "plates, discs and fills; stubs that have no bay between two nodes",
     "fire, fatigue, brittle fracture, corrosion; size of displacements",
 )
@@ -102,7 +102,7 @@ def _steel_words(grade: SteelGrade, factors: SteelFactors, thickness: float) -> 
         f"Buckling: {factors.buckling_length:g} times the distance between nodes for both axes, curve {factors.curve} "
         "(table 6.2: solid sections); lateral torsional buckling: curve d (table 6.4), constant moment."
     )
-    yield "Sections are plastic (6.2.9), members elastic (6.3.3, annex B: class 3, table B.2), without holes."
+    yield "Resistances: plastic for sections without holes (6.2.9); elastic for members (6.3.3, table B.2: class 3)."
 
 
 def _timber_method(grade: TimberGrade, rules: Rules) -> CheckMethod:

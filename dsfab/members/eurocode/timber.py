@@ -77,7 +77,7 @@ class Stresses:
 
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
-    """Return the stresses from forces (b, 5, 6). bent : (b, 5) stress from bending into shape, Pa, added to `my`."""
+    """Return the stresses from forces (b, 5, 6). bent : (b, 5) initial bending stress, Pa, added to that of My."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(

@@ -60,7 +60,7 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
 
 
 def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """Return arc lengths (c, 3), m, of cells' corners. In a cell, they differ by less than half of a closed axis."""
+    """Return arc lengths (c, 3), m, of cells' corners. On a closed axis, lengths do not jump within a cell."""
     used, vertex_row = np.unique(surface.F[cells], return_inverse=True)
     count = int(np.clip(4 * axis.length / surface.mean_edge, 16, 20_000))
     t = np.linspace(0, axis.length, count + 1)
@@ -199,7 +199,7 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """Return the forces (e, 3), N, that replace the twisting moment on free edges, divided by `PLANES`."""
+    """Return forces (e, 3), N, that replace the twisting moment on free edges; each plane gets 1 / `PLANES` of them."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))

@@ -265,8 +265,8 @@ class FrameAgreement:
 
     compliance   : ratio of the compliances, 1 for equal results.
     displacement : ratio of the largest displacements, 1 for equal results.
-    stout : share of the elastic energy in links, in bays wider than `STOUT`, and in bays with grazing members; or the
-            share of the sheet's energy outside of members with an axis, if this is larger.
+    stout : the larger of two shares of elastic energy. Share 1, of the frame: in links, in bays wider than `STOUT`, and
+            in bays with grazing members. Share 2, of the sheet: outside of members with an axis.
     twist : largest displacement of this sheet, divided by the displacement of a thin sheet without bar torsion."""
 
     case: str
@@ -277,7 +277,7 @@ class FrameAgreement:
 
     @property
     def slender(self) -> bool:
-        """True if nearly all energy is in slender bays; then beams should agree within 10 %."""
+        """True if nearly all energy is in slender bays; then beams should agree with the sheet within 10 %."""
         few = 0.15
         return self.stout <= few
 
@@ -289,7 +289,7 @@ class FrameAgreement:
             f"{self.displacement:.2f} times its largest displacement"
         )
         if self.twist > 1.02:
-            sentence += f", which is {self.twist:.2f} times that of a thin sheet, because ribs twist as bars"
+            sentence += f"; the sheet moves {self.twist:.2f} times as far as a thin sheet, because ribs twist as bars"
         if abs(self.compliance - 1) <= 0.1 and abs(self.displacement - 1) <= 0.1:
             return sentence
         where = (

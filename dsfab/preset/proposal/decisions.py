@@ -223,6 +223,6 @@ def _mesh(surface: Surface, size: Sizes) -> Decision:
     mean = length(surface.mean_edge)
     if not size.edge:
         return Decision("mesh", f"unchanged, with edges of {mean}", "surface.edge")
-    smooth = ", on the smooth surface through its vertices" if size.coarse else ""
+    smooth = ", on the smooth surface through the file's vertices" if size.coarse else ""
     words = f"new mesh with edges of {length(size.edge)} ({mean} in the file){smooth}; creases stay"
     return Decision("mesh", words, "surface.edge, surface.smooth")

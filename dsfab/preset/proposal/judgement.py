@@ -37,13 +37,13 @@ LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}
 """Usual load by kind, Pa: snow, services, people, wind."""
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
-EDGE = 0.5  # Fraction of its score that a way of support loses if all edges of the sheet are supported.
+EDGE = 0.5  # If all edges of the sheet are supported, the score of a way of support is reduced by this fraction.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that do not name it.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of its logarithm.
-LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible reading, and smallest score of a reading without doubt.
+LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible way of support, and smallest score without doubt.
 CLOSE = 0.75  # dsfab asks about another way of support if its score is at least this share of the best score.
 OPEN = 0.13  # dsfab asks about the unit if the second most probable unit has at least this probability.
-UNDER = 0.7  # Factor on the scores of surfaces that reach below the ground (z = 0).
+UNDER = 0.7  # Factor on the score of a vertical axis if the surface then reaches below the ground (z = 0).
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return a way of support with its score; 0 if the sheet could move freely. usual : factor of `up` on the score."""
+    """Return a way of support with its score, 0 if the sheet could move freely. usual : factor for the axis `up`."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -84,7 +84,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
         return JudgedReading(reading, 0.0, up)
     span = 2 * float(np.max(cKDTree(surface.V[supported]).query(surface.V)[0]))
     if reading.kind in ("roof", "hung"):
-        span = min(span, 2 * shape.width)  # the movement that is allowed for a span does not grow beyond this span
+        span = min(span, 2 * shape.width)  # a larger span does not increase the allowed movement
     moved = float(np.quantile(lengths(answer.u), 0.99))
     stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
     used = max(moved / (LIMIT * span), stress / STRENGTH)
@@ -192,7 +192,7 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two readings with nearly the best score. Of each other vertical axis, only the best counts."""
+        """At most two ways of support with nearly the best score; from each further vertical axis, only the best."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]
@@ -273,7 +273,7 @@ def _flaw(candidate: JudgedReading) -> str:
     if not candidate.figures:
         return "the surface would move without resistance"
     flaws = {
-        f"its displacement or stress is {candidate.figures['used']:.2g} x the limit": candidate.figures["used"] - 1,
+        f"displacement or stress is {candidate.figures['used']:.2g} x the limit": candidate.figures["used"] - 1,
         "it would tip": 0.5 - candidate.figures["steady"],
         "the shape of the surface does not suggest these supports": 0.3 - candidate.figures["form"],
     }

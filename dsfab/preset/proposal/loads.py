@@ -86,7 +86,7 @@ def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
 
 
 def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[list[str]]:
-    """Yield the tables of loads for a preset, each as lines. Wind gives two load cases, each with the own weight."""
+    """Yield the tables of loads for a preset, each as lines. Wind gives two load cases, each with the self-weight."""
     cases = ["wind", "wind_back"] if "wind" in pressures else []
     if len(pressures) > 1 or not cases:
         yield ["[[surface.load]]", 'kind = "self_weight"']

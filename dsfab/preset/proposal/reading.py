@@ -97,7 +97,7 @@ class Decision:
     """A decision of dsfab for the user's preset.
     topic  : one or two words.
     choice : the chosen value, with its reason.
-    change : key of the preset or option of the command for another choice."""
+    change : key of the preset, or option of the command, that changes the choice."""
 
     topic: str
     choice: str
@@ -164,7 +164,7 @@ def mesh_in_file(
         keys["origin"] = list(origin)
         surface = Surface(surface.V - origin, surface.F)
         where = f"{coordinates(origin)} m of the file"
-        why = "it lies so far from the origin that other programs round it; move output files back by this vector"
+        why = "the surface is so far from the origin that programs round it; move output files back by this vector"
         decisions.append(Decision("origin", f"{where}: {why}", "surface.origin"))
     places = _places(surface, chosen, np.array(origin))
     repaired = file_surface.record.repaired
@@ -260,7 +260,7 @@ def _unit_words(surface: Surface, chosen: SupportChoice, declared: str | None, o
         alternatives = [text for text in alternatives if text.startswith(tuple(likely))]
     elif USUAL[0] <= max(sides) <= USUAL[1] or declared or option:
         alternatives = []
-    sizes = f" (the file does not say; {'; '.join(alternatives)})" if alternatives else ""
+    sizes = f" (the file names no unit; {'; '.join(alternatives)})" if alternatives else ""
     return words + (size_doubt(sides, unit) or sizes)
 
 

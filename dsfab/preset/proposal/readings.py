@@ -11,7 +11,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock, point_tuple
 from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, is_scalloped
 from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
-DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `form` of supports that the shape shows, that are usual, or anywhere.
+DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `form` of supports: shown by the shape, usual, or possible on any shape.
 RARER = 0.8  # Factor on `SupportReading.form` for hanging surfaces and for walls: most surfaces are roofs.
 LEFT = 0.7  # Factor on `SupportReading.form` if necks or hollows of the shape have no support.
 SAG = 0.15  # Smallest sag of a hanging roof, divided by its height.
@@ -94,7 +94,7 @@ def distinct_readings(shape: Shape) -> list[SupportReading]:
 
 
 def _of_what_it_leaves(shape: Shape, reading: SupportReading) -> SupportReading:
-    """Return the way of support; its score `form` is lower if necks, or hollows of a roof, have no support."""
+    """Return the reading. Its score `form` is lower if necks of the shape, or hollows of a roof, have no support."""
     free = len(shape.heads) * (reading.word not in ("loops", "walls")) + len(shape.lugs) * (reading.word != "hung")
     ponds = len(shape.inner_hollows) > 0 and not shape.heads and reading.kind == "roof"
     ponds = ponds and reading.word not in ("hollows", "columns")
@@ -252,7 +252,7 @@ def _sides(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _corners(shape: Shape) -> Iterator[SupportReading]:
-    """Yield supports at the corners, at any height, as for a sail. Yield none if all corners are feet."""
+    """Yield supports at the corners, at any height, as for a sail; none if every corner is near a foot (`_feet`)."""
     edge, corners = shape.edges[0], shape.corners
     if not 3 <= len(corners) <= 8:
         return

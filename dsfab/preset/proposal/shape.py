@@ -183,7 +183,7 @@ class Shape:
 
     @cached_property
     def width(self) -> float:
-        """4 times the area divided by the edges' length, metres: the side of a square, twice the width of a strip."""
+        """4 x area / length of the edges, metres: the side length of a square, and twice the width of a long strip."""
         length = sum(edge.length for edge in (*self.outer, *self.large))
         return float(4 * self.surface.area / length if length else np.sqrt(self.surface.area))
 
@@ -199,12 +199,12 @@ class Shape:
 
     @property
     def is_raised(self) -> bool:
-        """True if the surface does not reach the ground: too flat for people to stand under it, or high above z = 0."""
+        """True for a surface above the ground: its height is under `HEAD` (2.2 m), or its lowest z over `HEAD`."""
         return self.rise < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
 
     @cached_property
     def corners(self) -> list[int]:
-        """Corners of the longest edge, as indices of its points."""
+        """Indices of the points of the longest edge (boundary loop) at which this edge has corners."""
         return self.edges[0].corners(self.width / 8)
 
     @cached_property
@@ -236,7 +236,7 @@ class Shape:
         return np.asarray(length @ (into / lengths(into)[:, None]) / length.sum()) if len(third) else np.zeros(3)
 
     def slenderness(self, edge: Edge) -> float:
-        """Return the height of a small edge above the sheet around it, divided by its radius."""
+        """Return the height of an edge (boundary loop) above the sheet around it, divided by the edge's mean radius."""
         radius = edge.length / (2 * np.pi)
         middle = edge.points.mean(axis=0)
         away = np.linalg.norm(self.surface.V[:, :2] - middle[:2], axis=1) / radius
@@ -290,7 +290,7 @@ class Shape:
 
     @cached_property
     def lugs(self) -> list[Edge]:
-        """Small edges from which the sheet may hang, each at the top of a slender neck. Wide edges are skylights."""
+        """Small edges (boundary loops) from which the sheet may hang: upper ends of slender necks of the sheet."""
         return [edge for edge in self.small if self.neck(edge)[2] < -NECK and self.slenderness(edge) > LUG]
 
     @cached_property

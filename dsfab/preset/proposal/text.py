@@ -60,7 +60,7 @@ def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, 
         _widths(),
         [
             "[slicing]",
-            toml_line("snap", 0.01, "share of an edge by which cuts move to a vertex; a small share keeps symmetry"),
+            toml_line("snap", 0.01, "a cut moves to a vertex within this share of an edge; small shares keep symmetry"),
             toml_line("improve", True, "fewer and better triangles, for finite elements and CAD"),
         ],
         *_thickening(surface),
@@ -100,7 +100,7 @@ def _support(surface: Surface, plan: ProposedValues, place: SupportPlace) -> lis
         f"at = {{ {pick} }}",
         toml_line("hold", "xyz"),
     ]
-    return lines + ([toml_line("clamp", True, "built in: it cannot turn about this edge")] if plan.built_in else [])
+    return lines + ([toml_line("clamp", True, "built in: no rotation about this edge")] if plan.built_in else [])
 
 
 def _picker_values(picker: Boundary | Ball | Box) -> Iterator[tuple[str, Any]]:

@@ -54,8 +54,8 @@ class MemberFaces:
 
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all bars and plates; for a plan without bars, of all members except filled openings.
-    A strip is drawn in its uppermost layer, a plank as two sides and an upper edge, a plate as one side."""
+    """Return the faces of all bars and plates; without bars, of all members (of filled openings only beside planks).
+    Faces show the uppermost layer of a strip, two sides and the upper edge of a plank, and one side of a plate."""
     assert plan.graph is not None
     if plan.bars:
         return bar_faces(plan, palette)

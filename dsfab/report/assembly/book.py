@@ -35,7 +35,7 @@ BookPage = tuple[str, Callable[[Paper], None]]
 
 LAYERS_UNCHECKED = (
     "the statics of bolts, of splices and of layers that slide on each other: dsfab judged the design as one sheet",
-    "the statics of unfinished stages; props and scaffolding",
+    "the statics of the structure during assembly, and of props and scaffolding",
     "springback and creep of bent layers",
     "moisture, grain and knots; edge and end distances of bolts by the material's standard",
     "bearings: the parts that hold the structure at its supports",

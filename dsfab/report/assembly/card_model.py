@@ -35,7 +35,7 @@ PANEL_STEPS = (
         "to end, with the tab of each panel beneath the next panel. Then put family B between these members: its "
         "panels end at short marks on their edges, with tabs beneath them. Put a drop of glue on each tab.",
     ),
-    ("Plates", "Glue each plate beneath the members that end there, at the middle of their ends."),
+    ("Plates", "Glue each plate beneath the ends of its members, with its middle between these ends."),
 )
 """Steps for a model of panels, after cutting: title and instruction."""
 

@@ -128,7 +128,7 @@ def _part_name(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
 def node_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return pages with a table of all nodes with bolts: members, angle between them, and place."""
     heads, places = ("node", "members", "angle", "x", "y", "z"), (0.0, 16.0, 72.0, 90.0, 107.0, 122.0)
-    note = "Millimetres, on the middle surface; angles between the members there."
+    note = "Coordinates in millimetres, on the middle surface; angles between the members at the node."
     meets = "on" if plan.layering else "with"
     rows = [_node_row(row, meets) for row in node_table(plan).rows]
     return table_pages("Nodes", rows, (ROWS, COLUMNS), heads, places, note)

@@ -125,8 +125,8 @@ def _bar_words(plan: WorkshopPlan) -> dict[str, str]:
     for row in bar_table(plan).rows:
         name, start_node, end_node, _, bar_length, bar_width, _, dip, _, end_dip, twist, bow, _ = row
         words_by_name[str(name)] = (
-            f"{bar_length:,.1f} x {bar_width:.1f} mm, from {start_node} ({dip:z.1f} degrees below its plate) to "
-            f"{end_node} ({end_dip:z.1f}); turned by {twist:z.1f} degrees; {bow:.1f} mm from the curved axis"
+            f"{bar_length:,.1f} x {bar_width:.1f} mm, from {start_node} ({dip:z.1f} degrees below the node's plate) to "
+            f"{end_node} ({end_dip:z.1f} degrees); turned by {twist:z.1f} degrees; {bow:.1f} mm from the curved axis"
         )
     bars = plan.bars.bar_lattice.bars
     for joint in plan.bars.bar_lattice.joints:

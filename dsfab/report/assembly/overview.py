@@ -105,7 +105,7 @@ def refolded_pages(
     caption = f"{len(parts)} flat parts, bent back into space with the lengths from the drawings."
     if len(parts_in_space.deviations):
         joint_words = "slots of two planks at nodes" if plan.planks else "holes at nodes"
-        gap_words = "away from each other" if plan.planks else "away from the axis of their bolt"
+        gap_words = "away from each other" if plan.planks else "away from the axis of the node's bolt"
         gap = MM_PER_M * parts_in_space.deviations.max()
         caption += f" {len(parts_in_space.deviations)} {joint_words} are up to {gap:.2g} mm {gap_words}."
     plates = len(plan.parts) - len(parts)
@@ -234,7 +234,7 @@ STANDING_COLOUR = (0.82, 0.81, 0.79)  # Colour of members that earlier steps hav
 def step_pages(
     steps: tuple[AssemblyStep, ...], faces: list[MemberFaces], up: Floats, rule: str
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return pages with the rule and a picture of each step: new members in colour, earlier members in grey."""
+    """Return pages with the text `rule` and a picture of each step: new members in colour, earlier members in grey."""
     pages, per_page = [], ACROSS * DOWN
     for k in range(0, len(steps), per_page):
         title = f"Assembly: steps {k + 1} to {min(k + per_page, len(steps))} of {len(steps)}"

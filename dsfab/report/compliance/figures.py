@@ -96,7 +96,7 @@ def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapp
         label = names[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
         axes.plot(mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=width, label=label)
         if name == "isotropic" and label == names[name]:
-            keys, label = ("variants_best", "variants_worst"), "isotropic, all mode pairs that carry loads"
+            keys, label = ("variants_best", "variants_worst"), "isotropic stripes, best to worst mode pair"
             low, high = ([_ratio_to_full_sheet(row, key) for row in competitor_rows] for key in keys)
             axes.fill_between(mass, low, high, color=colour, alpha=0.13, linewidth=0, label=label)
     axes.set_yscale("log")

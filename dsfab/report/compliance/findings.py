@@ -123,7 +123,7 @@ class Findings:
     """A comparison at one mass, and further comparisons for other shares of material, if any.
     A design without equilibrium (`carries` is False) has no `judgement` and no `fields`.
     command : command line that repeats the comparison.
-    share   : share of material that the scaled widths of the design give; None without scaling."""
+    share   : share of material of the design if its widths were scaled; else None."""
 
     compared: Comparison
     volumes: Sequence[tuple[float, Comparison]]

@@ -37,7 +37,7 @@ from dsfab.report.html_pages import (
 from dsfab.statics import elements_of
 from dsfab.study.verdict import calibration, estimates
 
-PLANE = "The sheet is loaded in its own plane: there is no bending, so both kinds of elements give equal results."
+PLANE = "The sheet is loaded in its own plane and does not bend, so both kinds of finite elements give equal results."
 
 
 def summary_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
@@ -100,7 +100,7 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
         Paragraph(
             "Compliance is the work of the loads; a smaller compliance means a stiffer structure. The structure was "
             "solved on the mesh of the cut sheet and on finer ones, by two kinds of finite elements with mostly "
-            f"opposite errors. The value is extrapolated; it is known if its bound is at most {percent(CONVERGED)}."
+            f"opposite errors. The value is extrapolated. It is reliable if its bound is at most {percent(CONVERGED)}."
         ),
         levels,
         *([Paragraph(PLANE, "quiet")] if findings.is_plane else []),

@@ -76,7 +76,7 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
         *([("Material", statics.material_words)] if statics.material else []),
         ("Young's modulus; Poisson's ratio", f"{quantity(statics.young, 'Pa')}; {statics.poisson:g}"),
         ("Density", f"{statics.density:g} kg/m³"),
-        ("Strength", quantity(statics.strength, "Pa") if statics.strength else "not in the preset: stress not judged"),
+        ("Strength", quantity(statics.strength, "Pa") if statics.strength else "not set, so stress is not judged"),
         (
             "Mesh of the surface",
             f"{_thousands(task.surface.n)} vertices, edges of {length_or_na(task.surface.mean_edge)}",
@@ -98,7 +98,7 @@ def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
         ("Dead ends", *(str(family.dead) for _, family in families)),
         ("Openings narrower than the members beside them", *(str(family.slits) for _, family in families)),
         ("Angle between members and stress, mean", *(f"{family.deviation:.1f}°" for _, family in families)),
-        ("Share of members with this angle above 30°", *(percent(family.off) for _, family in families)),
+        ("Share of members at more than 30° to the stress", *(percent(family.off) for _, family in families)),
     ]
     note = (
         f"Members cross at {quality.crossing_angle:.0f}° or more." if len(families) == 2 else "One family of members."
@@ -345,7 +345,7 @@ def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
     )  # fmt: skip
     names = [competitor.name for competitor in findings.compared.competitors]
     levels = {competitor.judgement.level for competitor in findings.compared.competitors if competitor.judgement}
-    note = "Columns with /: ratio of compliances; above 1, softer. Level full: extrapolated from two or three meshes. "
+    note = "Columns with /: ratio of compliances; above 1, the row is softer. Level full: from two or three meshes. "
     note += (
         "Level quick: one solve on the cut mesh; its bound holds for nine designs in ten." if "quick" in levels else ""
     )

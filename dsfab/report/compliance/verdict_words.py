@@ -101,7 +101,7 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
             f"({1 / high:.3g} to {1 / low:.3g}). Keeping only {kept_share} of the surface brings no stiffness here. "
             "Openings make sense only for other reasons, such as light, air, or a thin sheet that is not available."
         )
-    verdict = "concentrating the material helps" if low > 1 else "the bounds do not show which is stiffer"
+    verdict = "concentrating the material helps" if low > 1 else "the bounds do not show which structure is stiffer"
     return f"The design is {range_words(low, middle, high)} times as stiff as {thinner_words}: {verdict}."
 
 

@@ -95,7 +95,7 @@ def mode_lines(design: Design) -> list[str]:
 
 def equilibrium_facts(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, Any]:
     """Return compliance, largest displacement, residuals, and sums of loads and reactions of one equilibrium.
-    If reports do not use these elements, compliance and displacement are left out."""
+    If reports do not use the elements of `answer`, compliance and displacement are left out."""
     moved = {"compliance_J": answer.compliance, "largest_displacement_m": answer.largest_displacement}
     return {
         **(moved if answer.elements.is_reported else {}),

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 MARKED_PICTURE = (1600, 1200)  # Width and height of fabrication.png, pixels.
 MAY_BE_REFUSED = ("step", "stpz", "brep")
-"""Formats with a largest file size. If a file would be larger, dsfab reports this and writes the other formats."""
+"""Formats with a limit on the file size. If a file would be larger, dsfab reports this and writes other formats."""
 
 
 class SavedDesign(NamedTuple):

@@ -204,7 +204,7 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
         numbers = [f"{x / factor:.{decimals}f}" for x, (factor, _, decimals) in zip(row, scale, strict=True)]
         rows.append((bays.member[bay], section, length_or_na(float(bays.length[bay])), *numbers))
     heads = [f"{name}, {unit}" for name, (_, unit, _) in zip(COMPONENTS, scale, strict=True)]
-    title = number.table("Bays of the table above: section, length between nodes, and forces at the decisive section.")
+    title = number.table("Bays of the table above: cross-section, length between nodes, forces at largest utilisation.")
     note = "Positive N is tension. Positive My puts the normal's side in tension. Mz bends in the surface."
     return Table(title, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS)))
 
@@ -296,7 +296,7 @@ def member_report(design: Design, command: str) -> Document:
     ]
     footer = f"Made by dsfab {library_versions['dsfab']}; a first estimate for members, no proof of safety under a code"
     subject = design.preset.name.replace("_", " ").capitalize()
-    return Document("Members checked by the code", subject, facts, document_sections, footer)
+    return Document("Members checked by the building code", subject, facts, document_sections, footer)
 
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:

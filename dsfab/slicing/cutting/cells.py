@@ -271,7 +271,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
-    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # on a tie, the pair of values increases
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # equally near: the larger step is chosen
     upper_nearer = (share[:, 0] < share[:, 1]) | tie
     chosen = np.stack([upper_nearer, ~upper_nearer], axis=1)
     step = np.where(chosen, steps, 0).sum(axis=1)

@@ -26,8 +26,8 @@ class PolygonField:
     """A corner field on the vertices of a mesh of polygons.
 
     lead   : (n',) one face at each vertex.    values : (n', 1 or 2) field values at the vertices, in the face `lead`.
-    sign, shift : (h,) for the slots of polygons. In the polygon's face, the field value is sign * value + shift.
-    blank  : (h,) True for slots without a value."""
+    sign, shift : (h,) for each polygon corner. In the polygon's face, the field value is sign * value + shift.
+    blank  : (h,) True for polygon corners without a value."""
 
     mesh: PolygonMesh
     field: CornerField
@@ -72,7 +72,7 @@ class PolygonField:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def value_index(self, side: int) -> Ints:
-        """Return indices (h,) into values.ravel() for all polygon corners. side : 0 for z + d, 1 for z - d, `cut`."""
+        """Return indices (h,) into values.ravel() for all polygon corners. side : 0 for z + d, 1 for z - d."""
         return self._lower if side else self._upper
 
     @cached_property
@@ -179,7 +179,7 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """Return a mask (c,) of void polygons in faces without a field; stripes touch over half of a polygon's outline."""
+    """Return a mask (c,) of void polygons in faces without a field, with more than half of the outline on stripes."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
@@ -196,8 +196,8 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """Return a mask (c,) of polygons to cut: openings in which the field is wanted, and material in `mesh.again`."""
-    least = 0.5  # an opening is cut if the field is wanted on more than this fraction of its area
+    """Return a mask (c,) of polygons to cut: openings, and material in `mesh.again`, where the field is to apply."""
+    least = 0.5  # the field applies in an opening or a face if the mean of `wanted_share` is above this
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
         return crossed
@@ -256,7 +256,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices where levels cross edges at which the field changes sign. The first polygon's values count."""
+        """Add vertices where levels cross edges with a change of sign; the edge's first side gives the values."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():

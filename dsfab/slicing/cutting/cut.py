@@ -30,8 +30,8 @@ LEVEL_GAP = 1e-6  # Levels nearer than this fraction of the field's range are eq
 
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""Function that returns a mask (c,) of material polygons that later fields divide again. Arguments: the polygons; the
-number of the last field; a mask (m,) of the faces without this field, and of their neighbours."""
+"""Function that returns a mask (c,) of material polygons that the next fields of the cut divide again. Arguments: the
+mesh of polygons; number k of the latest field; a mask (m,) of faces without field k, and of their neighbours."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
@@ -124,7 +124,7 @@ def _division(fields: Sequence[Field]) -> tuple[DividedSurface | None, dict[int,
     if any(field.divided is not divided for field in on_parts.values()):
         raise ValueError("all divided fields must share one division")
     if any(isinstance(field, CornerField) for field in fields[: max(on_parts)]):
-        raise ValueError("divided fields must come before corner fields")
+        raise ValueError("each DividedField must come before every CornerField")
     return divided, {k: field.x for k, field in on_parts.items()}
 
 
@@ -135,8 +135,8 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split void polygons by a field x (n',) or (n', 2); return the splits, and a mask (c',) of pieces inside stripes.
-
+    """Split void polygons by a field x (n',) or (n', 2) along the levels `lines` (l,).
+    Return the splits, and a mask (c',) of the new polygons that lie inside stripes.
     edges : (l, 1 or 2) row of `CutLines` for each level."""
     if x.ndim == 2:
         return _band(mesh, x, lines, snap, size, edges)
@@ -264,7 +264,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Return values (n',) or (n', 2) at a sheet's vertices, of a field that is linear on each part of its division."""
+    """Return values (n',) or (n', 2) of `field` at a sheet's vertices. `field` is linear on parts of uncut faces."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

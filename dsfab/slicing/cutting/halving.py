@@ -33,13 +33,13 @@ class LineHalving:
     first: int = 0
 
     def drawn_share(self, surface: Surface, family: int, level: int) -> Floats:
-        """Return the fraction (m,) of each face's area in which lines of a family were halved at most `level` times."""
+        """Return the fraction (m,) of each face's area in which at most `level` halvings removed lines of a family."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         drawn_area = area * (self.level[:, family] <= level)
         return np.asarray(np.bincount(self.mesh.parent, drawn_area, surface.m) / surface.areas)
 
     def mean_scale(self, surface: Surface, family: int) -> Floats:
-        """Return the fraction of a family's lines that halving leaves, such as 1/2, as the mean (m,) over each face."""
+        """Return the mean over each face (m,) of the remaining fraction of a family's lines: 1/2 after one halving."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         scaled_area = area * 0.5 ** self.level[:, family]
         return np.asarray(np.bincount(self.mesh.parent, scaled_area, surface.m) / surface.areas)
@@ -111,7 +111,7 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """Return a mask (p,) of the inner edges that lie on lines which halving keeps, or beside faces without a field.
+    """Return a mask (p,) of the inner edges on lines that are not removed, or beside faces without a field.
 
     period : (c,) in a polygon, every period-th line remains. Between two polygons, the smaller period counts.
     The function compares the middles of strips, because rounding errors do not change them."""

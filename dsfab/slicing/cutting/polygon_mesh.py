@@ -91,11 +91,11 @@ class PolygonMesh:
 
     @cached_property
     def support(self) -> Ints:
-        """(n',) one uncut vertex for each vertex: a corner of the edge or face that the vertex lies on."""
+        """(n',) for each vertex, a vertex of the uncut surface: a corner of the edge or face where the vertex lies."""
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
-        """Return the mesh divided by a split. lines : (l or 1, c' or 1) lines by level and new polygon, or None."""
+        """Return the mesh divided by a split. lines : (l or 1, c' or 1) line number by level and polygon, or None."""
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
         names, source = ("parent", "family", "again", "also"), split.source
@@ -169,7 +169,7 @@ class Contacts:
     """Stretches (k,) of outline along which two parts (p,) touch.
 
     parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
-    links  : (l, 2) consecutive stretches around a part. Stretch i is i around parts[i, 0], i + k around parts[i, 1].
+    links  : (l, 2) adjacent stretches around a part. Stretch i has number i for parts[i, 0], i + k for parts[i, 1].
     around : (p,) length of each part's outline, metres."""
 
     parts: Ints

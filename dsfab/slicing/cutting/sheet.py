@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 VOID = -1  # The family of a void cell.
 
 ON_SIMPLEX = 1 - 1e-9
-"""Smallest value of an interpolated mask at a vertex between marked vertices: 1, except for rounding errors."""
+"""Smallest value of an interpolated mask that counts as 1; the difference to 1 allows for rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +239,7 @@ class Sheet:
         return vertex
 
     def subset(self, mask: Bools | None = None) -> "Sheet":
-        """Return a sheet of the marked cells (m',) only, default: the material; its vertices are numbered anew.
+        """Return a sheet of only the marked cells (m',), by default the material. Vertices get new numbers.
 
         Raises PatternError if no cell is marked."""
         return self._material_sheet if mask is None else self._part_sheet(mask)
@@ -376,9 +376,9 @@ def _corner_normals(surface: Surface) -> Floats:
 
 
 def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
-    """Divide every triangle into four, with new vertices on the smooth surface, after the old vertices.
+    """Divide every triangle into four. All vertices lie on the smooth surface; new vertices have the last numbers.
 
-    Weights refer to the uncut surface, because supports and loads are defined there."""
+    `Sheet.weights` still refer to the uncut surface, because supports and loads are defined there."""
     F, edges, n = sheet.surface.F, sheet.surface.edges, sheet.surface.n
     a, b = edges.ends.T
     weights = csr_array(vstack([sheet.weights, 0.5 * (sheet.weights[a] + sheet.weights[b])]))

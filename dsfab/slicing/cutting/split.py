@@ -64,7 +64,7 @@ class SideValues:
 
     @classmethod
     def from_vertices(cls, cells: Cells, x: Floats) -> "SideValues":
-        """Return the side values of a field that has values x (n,) at the vertices."""
+        """Return the values at the start and the end of each side, of a field with values x (n,) at the vertices."""
         return cls.from_slots(cells, x[cells.corner])
 
     @classmethod
@@ -92,7 +92,7 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """Return places (h,) of the starts and ends of sides. With k levels below: 2 k + 1 on a level, 2 k elsewhere.
+        """Return places (h,) of starts and ends of sides: twice the number of levels below, plus 1 on a level.
 
         only : sides (k,) to evaluate, as slots (see `Cells`); all other sides get 0."""
         if only is not None:
@@ -152,9 +152,9 @@ def split_cells(
 ) -> Split:
     """Cut the active polygons by straight chords between the points of their sides where a field has a level value.
 
-    Two polygons get the same vertices on their common edge, even if they see the field with different sign or shift.
+    Two polygons get the same vertices on their common edge, even if sign or shift of the field differ between them.
 
-    levels : (l,) strictly ascending. A side on a level belongs to the strip of the side before it.    n : vertices.
+    levels : (l,) strictly ascending. A side that lies on a level has the strip of the previous side.    n : vertices.
     active : (c,) mask of polygons. Inactive polygons only get new vertices on sides that they share with active ones.
     above  : (l,) True puts a polygon on this level into the strip above; default: into the even strip, which is void.
     live   : (h,) sides that get new vertices even without an active polygon."""
@@ -245,7 +245,7 @@ def _sides(
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
     """Return the polygons with the new vertices as corners, and the strip (number of levels below) of each side.
 
-    A side on a level gets the strip of the nearest earlier side on no level. Each polygon needs a side on no level."""
+    A flat side lies on a level. It gets the strip of the last side before it that is not flat; one must exist."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
@@ -262,7 +262,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # no earlier side: take the polygon's last side on no level
+    before = source < cells.start[:-1][cells.owner]  # flat sides at the start: take the polygon's last strip
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
@@ -321,7 +321,7 @@ def _with_pieces(
 
 
 CELL_AREA = 1e3 * ZERO_AREA
-"""Minimum area of a cell, divided by the squared size of the surface. `Surface` accepts even a thousandth of it."""
+"""Minimum area of a cell, divided by the squared size of the surface; 1000 times the limit of `Surface`."""
 ROUNDS = 12  # Maximum number of tries to split without cells of zero area.
 
 

@@ -184,7 +184,7 @@ class Stretches:
         return cls(low, high, np.append(np.arange(len(chain)), over), before)
 
     def covers(self, chain: Ints, place: Floats) -> Bools:
-        """Return a mask (k,) of places, in metres along chains (k,), that lie in a part; parts must be disjoint."""
+        """Return a mask (k,) of places that lie in a part. place : metres along the chain. Parts must be disjoint."""
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)

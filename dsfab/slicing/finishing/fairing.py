@@ -238,7 +238,7 @@ def _halves(sheet: Sheet, half_edge: Ints, new_vertex: Ints) -> tuple[Ints, Ints
 
 
 def _keeps_angles(sheet: Sheet, division: Division) -> Bools:
-    """Return a mask (k,) of new vertices whose cells stay wide: all angles reach 2 degrees or half the former least."""
+    """Return a mask (k,) of new vertices at which all new angles reach 2 degrees, or half of the smallest old angle."""
     surface = sheet.surface
     V, number = np.concatenate([surface.V, division.V]), surface.n + np.arange(len(division.wall))
     accepted = np.ones(len(division.wall), dtype=bool)

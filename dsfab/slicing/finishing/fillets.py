@@ -104,7 +104,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return the disc stops beyond which the opening stays narrow, and the nearest and farthest wall (p,) beyond."""
+    """Return the disc stops where a narrow tip begins, and the nearest and farthest wall (p,) of each tip."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -164,11 +164,11 @@ class Fillets:
         return np.asarray(self.circle[:, 6])
 
     def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
-        """Return the largest distance (p,), metres, of points X (p, 3) beyond the chords' planes of arcs (p,)."""
+        """Return the largest signed distance (p,), m, of each point X (p, 3) from the planes of its arc's chords."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def outside_rays(self, arc: Ints, X: Floats) -> Floats:
-        """Return the larger distance (p,), metres, of points X (p, 3) outside the two ray planes of arcs (p,)."""
+        """Return the larger signed distance (p,), m, of each point X (p, 3) from its arc's two ray planes."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
     def subset(self, chosen: Bools) -> "Fillets":
@@ -261,7 +261,7 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """Return a mask (k,) of arcs that fill only void near their corner: up to 1.1 times the way to a point of contact.
+    """Mark arcs (k,) that fill only void near their corner: within 1.1 times the longer wall from corner to arc.
 
     At a fold, an arc could also fill distant void beyond its chords. Distances are measured in the corner's plane."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
@@ -360,9 +360,9 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons by the chords of arcs; return the mesh, each polygon's old polygon, and a mask of polygons to fill.
+    """Cut polygons along the chords of arcs; return the mesh, each polygon's old polygon, and the polygons to fill.
 
-    arc : (c,) arc of each polygon, or -1.    corner : (k,) vertex that each arc rounds.    size : of the surface."""
+    arc : (c,) arc of each polygon, or -1.    corner : (k,) vertex that each arc rounds.    size : surface size, m."""
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
     planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]

@@ -2,11 +2,11 @@
 
 polygons                                cells
 --------                                -----
-ends        join stripes at a node      pinches   join or split point contacts
-closed      close marked openings       filled    fill small openings and crumbs
+ends        join stripes at a node      pinches   join or split point contacts of material
+closed      close marked openings       filled    fill openings that are much smaller than others
 loose_ends  cut stripes back            merged    fill slits, also after fairing
-stubs       remove ends near a node     bridged   bridge necks
-bars        straighten bent bars        spikes    cut off teeth
+stubs       remove ends near a node     bridged   bridge narrow places of openings
+bars        straighten bent bars        spikes    cut off spikes of material
                                         rounded   round corners; then bridge and widen narrow places
                                         widths    keep minimum widths of openings and members
                                         improved  flip and collapse edges"""
@@ -79,7 +79,7 @@ def tidied_polygons(
 def polygon_passes(
     surface: Surface, fields: Sequence[Field], lines: Sequence[Floats], tidy: Tidy
 ) -> Iterator[tuple[str, PolygonPass]]:
-    """Yield the steps that tidy the polygons, in order, each with its counter's name. lines : levels of each field."""
+    """Yield the steps that tidy the polygons, in order, each with a name for counts. lines : levels of each field."""
     yield "ends", partial(with_meeting_ends, fields=fields, levels=lines)
     yield "closed", partial(with_closed_openings, closed=tidy.closed)
     yield "loose_ends", partial(without_loose_ends, tidy=tidy)
@@ -310,7 +310,7 @@ class TrialCut:
 
     @property
     def added_area(self) -> float:
-        """Area of the material added by all passes until corners were rounded once, square metres."""
+        """Area of material added by all passes up to and including the first rounding of corners, square metres."""
         return (self.rounded or self.unrounded).cells.material_area - self.cells.material_area
 
     @property

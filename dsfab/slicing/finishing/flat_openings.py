@@ -27,7 +27,7 @@ class FlatOpenings:
 
     wall  : (k,) walls of the sheet.    chain : (k,) the chain of each wall, numbered from 0.
     after : (k,) the next wall in the chain.
-    start : (k, 2) start points of the walls, metres.    frame : (k, 2, 3) unit vectors of their planes."""
+    start : (k, 2) start points of the walls, metres.    frame : (k, 2, 3) axes of the plane of each wall's opening."""
 
     wall: Ints
     chain: Ints
@@ -113,7 +113,7 @@ class NarrowPart:
     """A narrow part of an opening.
 
     outline : (k, 2) metres.
-    runs    : (r, 2) stretches of the outline on walls. Arcs of a disc lie between them. Empty if no disc fits."""
+    runs    : (r, 2) outline stretches on walls, between arcs of the disc of `narrow_parts`; empty without arcs."""
 
     outline: Floats
     runs: tuple[Floats, ...]
@@ -186,7 +186,7 @@ def _is_alley(run: Floats, radius: float) -> bool:
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
     """Return the walls (s, 2) on both sides of the entrance to an opening's dead end; run : (r, 2) wall around it."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
-    low, high = 1.2 * radius, 3.2 * radius  # both ends of each wall, in metres from the dead end's entrance
+    low, high = 1.2 * radius, 3.2 * radius  # each side wall runs between these distances (m) from the entrance
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
         stations = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])

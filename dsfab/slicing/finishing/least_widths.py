@@ -33,7 +33,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return points (k, 2, 3) on both sides of members under `least` metres and under `LOCAL` x the median width."""
+    """Return points (k, 2, 3) on both sides of members narrower than `least` metres and `LOCAL` x the median width."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -93,8 +93,8 @@ class Neck:
 def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
     """Add bridges where openings are narrower than `width` metres; return also the number of bridges.
 
-    An opening that is narrow everywhere becomes material. So does a small opening that a bridge cuts off. Tips, and
-    openings at the edge of the surface, stay."""
+    An opening that is narrow everywhere becomes material. So does a small opening that a bridge cuts off. Pointed ends
+    of openings, and openings at the edge of the surface, stay."""
     count = 0
     for _ in range(4):  # repeat, because the opening may remain narrow beside a bridge
         if not cells.has_openings:
@@ -163,7 +163,7 @@ def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
 
 
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
-    """Add strips beside members under `least` metres in the `rounded` sheet; return also the number of widened places.
+    """Add strips beside members narrower than `least` metres in the `rounded` sheet; return also the number of places.
 
     One call adds only strips that do not touch each other."""
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
@@ -180,7 +180,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
 
 
 def _way_around(walls: Walls, wall: Ints) -> Floats:
-    """Return metres (k,) from wall to wall (k, 2) along the outline of their opening; inf on different outlines."""
+    """Return distances (k,), m, between two walls (k, 2) along their opening's outline; inf on different outlines."""
     chain, place = walls.chain[wall], walls.place[wall]
     direct = np.abs(place[:, 1] - place[:, 0])
     around = np.where(walls.closed[chain[:, 0]], np.minimum(direct, walls.total[chain[:, 0]] - direct), direct)

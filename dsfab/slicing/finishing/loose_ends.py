@@ -52,7 +52,7 @@ CLOSED = -2  # Value of `PolygonMesh.also` in openings that became material. Str
 
 
 def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> tuple[PolygonMesh, int]:
-    """Make openings material where the mean value of a field is positive; return also their number.
+    """Fill openings where the mean value of a field is positive; return also the number of filled openings.
 
     closed : for each field, (n,) values at the uncut vertices, or None. The first field with a positive mean counts.
              Of openings with nearly equal means, all or none become material."""
@@ -177,7 +177,7 @@ def nodes_of(mesh: PolygonMesh) -> Bools:
 
 
 def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bools:
-    """Return a mask (c,) of nodes that the cut made: whole faces of material where its own field has no values."""
+    """Return a mask (c,) of nodes that the cut made: undivided material faces without values of the family's field."""
     alone = np.bincount(mesh.parent, minlength=len(mesh.F))[mesh.parent] == 1
     blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in corner_fields.items()]
     return np.asarray(alone & np.any(blank, axis=0))
@@ -236,7 +236,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Cut corners with free sides off a convex polygon X (s, 3). Return the rest of the polygon, then the corners."""
+    """Cut corners without neighbours off a convex polygon X (s, 3). Return the remaining polygon, then the corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)

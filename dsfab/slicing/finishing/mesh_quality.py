@@ -103,7 +103,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the numbers of a vertex's neighbours along lines. Of two neighbours, second = sum - first."""
+        """(n',) sum of the indices of a vertex's neighbours along lines. For two neighbours u, w: u is the sum - w."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -203,8 +203,8 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
     """Return `sides_on` (m', 3) after `cells` (k,) lost their area, because a vertex v of each cell moved onto w.
 
-    Let x be a cell's third corner. Sides v-x and w-x now coincide. If side v-x or side w-x lies on a line of the cut,
-    the cell beyond side v-x gets this line."""
+    The cell has the corners v, w and x. Its sides v-x and w-x now coincide. If either side lies on a line of the cut,
+    the neighbouring cell across side v-x gets this line."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
@@ -258,7 +258,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """Select moves that increase the smallest angle of material without slim void cells; return also gains, degrees."""
+    """Select moves that increase the smallest angle of material but make no slim void cells; return gains, degrees."""
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
@@ -310,7 +310,7 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     parent = parent[f]
     new_angle = np.minimum(cut.angles(first_cell, parent), cut.angles(second_cell, parent))
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
-    better = np.flatnonzero(new_angle > GAIN * old_angle)  # edge a-b is new, because the uncut face is flat
+    better = np.flatnonzero(new_angle > GAIN * old_angle)  # a-b cannot exist yet: it would cross c-d in the flat face
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
     rank = np.arange(len(better))
     pair_faces = np.concatenate([f[better], e[better]])

@@ -36,7 +36,7 @@ class Arcs:
 
     @property
     def angle(self) -> Floats:
-        """(k,) angle between the directions to foot_a and foot_b, radians."""
+        """(k,) angle at the centre of each arc, from `foot_a` to `foot_b`, radians."""
         x, y = (self.foot_b - self.centre).T
         return np.asarray((np.arctan2(y, x) - self.begin) % (2 * np.pi))
 
@@ -113,7 +113,7 @@ def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -
 
 
 def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
-    """Return the points (k, 2) of polylines (k, p, 2) nearest to points (k, 2), and metres (k,) up to them."""
+    """Return the nearest points (k, 2) on polylines (k, p, 2), and their arc lengths (k,), metres. point : (k, 2)."""
     start, along = line[:, :-1], np.diff(line, axis=1)
     size = np.einsum("kpi,kpi->kp", along, along)
     t = np.einsum("kpi,kpi->kp", point[:, None] - start, along) / np.where(size > 0, size, 1.0)
@@ -156,7 +156,7 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners that no arc (p,) at `tips` covers, and the arcs' feet as corners with a turn of 0."""
+        """Return the corners outside of all arcs (p,) at `tips`, and the ends of arcs as corners with a turn of 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)

@@ -59,12 +59,12 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) median ratio, along each opening's walls, of its width to the width of the narrower member beside it.
+        """(o,) width of each opening / width of the narrower member beside it: the median along the opening's walls.
 
         Only walls with an opposite wall count. If they are under 5 % of the walls, as in a triangle, the width is the
-        side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of the ratios for both
-        widths. The width is at least 2 area / perimeter. The ratio is infinite without members, and for openings at the
-        edge of the surface with few opposite walls."""
+        side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of the ratios for the
+        median width and for the square. The width is at least 2 area / perimeter. The ratio is infinite without
+        members, and for openings at the edge of the surface with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)
@@ -90,8 +90,8 @@ class Openings:
     def crowded_slits(self) -> Bools:
         """(o,) mask of slits in places where members are denser than usual.
 
-        Their `narrowness` is under a limit. If the median of `narrowness` is lower, the limit is lower, too (see
-        `CROWDING`). Otherwise all openings of a dense pattern would be filled."""
+        A slit is marked if its `narrowness` is under a limit. A smaller median of `narrowness` makes the limit smaller
+        (see `CROWDING`). Otherwise all openings of a dense pattern would be filled."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
@@ -150,7 +150,7 @@ def openings_of(sheet: Sheet) -> Openings | None:
 
 
 def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
-    """Fill the marked openings (o,) of a sheet. New material takes the largest `family` of material cells around it."""
+    """Fill the marked openings (o,) of a sheet. New material takes the largest family number of the material around."""
     openings = openings_of(sheet)
     if openings is None or not chosen.any():
         return sheet
@@ -174,7 +174,7 @@ def _harmonic(x: Floats, y: Floats, share: Floats) -> Floats:
 
 
 def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[Sheet, int]:
-    """Make every opening smaller than `size` metres material; return also their number.
+    """Fill each opening that is smaller than `size` metres with material; return also the number of filled openings.
 
     alike : True if all or none of the openings with nearly this size become material.
 
@@ -242,7 +242,7 @@ class Strip:
 
     @classmethod
     def from_wall(cls, sheet: Sheet, wall: int, ends: Floats, half: Floats) -> "Strip | None":
-        """Return a strip from a wall across the opening, along the line between `ends` (2, 3); None for equal ends."""
+        """Return a strip from edge `wall` across an opening, between points `ends` (2, 3); None for equal points."""
         surface, first_cell = sheet.surface, int(sheet.walls.void_cells[wall])
         direction = ends[1] - ends[0]
         gap = float(np.linalg.norm(direction))
@@ -271,7 +271,7 @@ class Strip:
 
 
 def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = SNAP) -> tuple[Sheet, int]:
-    """Make strips material, and small openings that they cut off; return also the number of strips.
+    """Fill strips, and small openings that the strips cut off, with material; return also the number of strips.
 
     A strip that shares a vertex with an earlier strip is left out.
     width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`."""

@@ -20,7 +20,7 @@ from dsfab.surface.topology import edge_table
 
 Rule = Literal["join", "split"]
 
-DISC_ROUNDS = 3  # Maximum number of rounds that make discs. A disc can create a new point contact.
+DISC_ROUNDS = 3  # Maximum number of rounds that put discs around point contacts. A disc can create a new contact.
 CORNER_ROUNDS = 2  # Maximum number of rounds that cut corners. Cut corners create no new point contact.
 
 
@@ -32,7 +32,7 @@ class PinchResult(NamedTuple):
 
 
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:
-    """Make discs of `radius` metres around pinches (point contacts of material) material ("join") or void ("split").
+    """Fill ("join") or cut out ("split") discs of `radius` metres around pinches, which are point contacts of material.
 
     If pinches remain after three rounds, only the corners of cells at a pinch change, up to a distance of
     min(radius, 0.4 edge length). New material takes the family of the first material cell at its pinch.
@@ -40,7 +40,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
     Raises PatternError without material, for an impossible `radius` or `rule`, and for pinches that remain. "join"
     fails where the surface itself meets in a single vertex."""
     if not (np.isfinite(radius) and radius > 0):
-        raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
+        raise PatternError(f"the radius {radius} for repairs at point contacts must be a positive length in metres")
     if rule not in ("join", "split"):
         raise PatternError(f"slicing.pinch = {rule!r} must be 'join' or 'split'")
     _require_material(sheet)
@@ -110,7 +110,7 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
 
 
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """Return a field (n',) that is 0 at pinches, and `radius` on each edge at min(radius, 0.4 length) from a pinch."""
+    """Return a field (n',): 0 at point contacts, and `radius` at min(radius, 0.4 length) along each edge from there."""
     V, ends = sheet.surface.V, sheet.surface.edges.ends
     x = np.full(len(V), radius / 0.4)
     for p, q in (ends.T, ends[:, ::-1].T):

@@ -139,7 +139,7 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
 ASKEW = 0.25  # A straight bar replaces an old bar only if its `deviation` is larger than this.
 UNEVEN = 0.12  # An evenly bent bar replaces an old bar only if its `deviation` is larger than this.
 FAR = 1.5  # A new bar replaces an old bar only if its `deviation` is smaller than this.
-SNAP = 0.02  # Vertices nearer to a bar's side than this move onto the side; in widths of the bar.
+SNAP = 0.02  # Largest distance of a vertex that moves onto a bar's side / width of the bar.
 LARGER = 2.5  # A bar is replaced only if its area changes by less than this factor.
 
 
@@ -167,16 +167,16 @@ def with_straight_bars(
 
 
 def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
-    """Return a mask (c,) of material in the faces beside a face without values of the material's own field."""
+    """Return a mask (c,) of material beside singular faces. There, the field that made the material has no values."""
     blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
     near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
     return np.asarray(near_blank[mesh.family, mesh.parent] & ~mesh.void)
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """Return new bars that do not overlap. They replace nodes with their stripes, and stripes near singular points.
+    """Return new bars that do not overlap. A bar replaces a node and its stripes, or stripes near a singular point.
 
-    If a crossing of two stripes touches a node, the crossing may also belong to the bar."""
+    A bar may also replace a crossing of two stripes that touches a node."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))

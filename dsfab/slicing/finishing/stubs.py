@@ -28,13 +28,13 @@ LARGE = 1.6
 EYELET, LARGER = 0.5, 2.5
 """An eyelet is an opening smaller than EYELET times a neighbouring opening. At an eyelet, LARGER replaces `LARGE`."""
 GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them are larger than GOOD x the median size.
-SMALL = 0.6  # Stubs stay if the opening without them would be smaller than this size.
+SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
 """Maximum change of direction of the outline, radians, where a stub (end of a stripe) was removed."""
 
 
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove nodes and the stubs (ends of stripes) at them, where the merged opening gets a suitable size.
+    """Remove nodes and the stubs (ends of stripes) at nodes, if the opening that forms has a suitable size.
 
     Return also the number of removed bars. Parts stay connected, and no new end appears."""
     nodes, count = nodes_of(mesh), 0
@@ -143,7 +143,7 @@ class _Bars:
 
     @cached_property
     def lumps(self) -> Bools:
-        """(b,) mask of bars inside a single opening. Without the bar, 4 area / perimeter of the opening is larger."""
+        """(b,) mask of bars that lie inside a single opening and make its size (4 area / perimeter) smaller."""
         return np.asarray(
             (self.opening_count == 1) & (self.sizes_without_each > np.maximum(1.02 * self.extremes[1], SMALL))
         )

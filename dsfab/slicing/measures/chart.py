@@ -113,7 +113,7 @@ class StripeChart:
 
     @classmethod
     def from_chart(cls, chart: Chart, d: Floats, kept_values: Floats) -> Self:
-        """Return the stripes of a chart; half widths d (n, 2) and `kept_values` (n,) are at the uncut vertices."""
+        """Return the stripes of a chart, from half widths d (n, 2) and values (n,) for `kept` on the uncut surface."""
         has_phase = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
         nearest_whole = np.rint(chart.z)
         z = np.where(np.abs(chart.z - nearest_whole) < ON, nearest_whole, chart.z)

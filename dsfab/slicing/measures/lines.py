@@ -74,7 +74,7 @@ class Spans(NamedTuple):
 def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sheet: Sheet, F: Ints) -> Spans:
     """Return the parts of segments that lie on the cells of a sheet.
 
-    A view is a segment as a face sees it. A segment on an edge may have two views, one from each face.
+    A view is a segment in the coordinates of a face. A segment on an edge may have two views, one for each face.
     face        : (v,) the chart's face of each view.    segment : (v,) number of the segment.
     view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of this face.
     F           : (m, 3) the uncut faces."""
@@ -101,8 +101,8 @@ def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) 
 
 
 def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """Return start and end (q,) of each segment's part (q, 2, 2) in its triangle (q, 3, 2). Parts outside have end
-    < start."""
+    """Return start and end (q,), 0 to 1, of the part of each segment (q, 2, 2) that lies in its triangle (q, 3, 2).
+    A segment outside its triangle has end < start."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
@@ -121,7 +121,7 @@ def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
 def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
     order = np.lexsort([begin, segment])
     segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
-    upto = np.maximum.accumulate(2.0 * segment + end)  # one axis for all: segment s lies from 2 s to 2 s + 1
+    upto = np.maximum.accumulate(2.0 * segment + end)  # on a common axis, segment s lies from 2 s to 2 s + 1
     begins_span = np.ones(len(segment), dtype=bool)
     begins_span[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
     first_rows = np.flatnonzero(begins_span)
@@ -132,7 +132,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: points (k, 3), metres, and the number of the line that makes most of its length."""
+    """A middle line of a member: points (k, 3), metres, and the line number with the largest share of its length."""
 
     number: int
     points: Floats
@@ -191,7 +191,7 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """Return the nodes (v, 2) at the ends of segments, and the points (nodes, 3) of all nodes, metres.
+    """Return the node numbers (v, 2) at the ends of segments, and the positions (nodes, 3) of all nodes, metres.
 
     An end is a corner of the face (`at_corner`), or a point of the side that begins at the corner.
     share : (v, 2) position of this point on the side, 0 to 1."""
@@ -270,7 +270,7 @@ class CornerLines(NamedTuple):
 
 
 Phase = Floats | CornerLines | None
-"""Phase (n,) at the uncut vertices, or a corner field; None without stripes. It is whole in the middle of a stripe."""
+"""Phase (n,) at the uncut vertices, or a corner field; None without stripes. A stripe's middle has an integer phase."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
@@ -278,7 +278,7 @@ def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Seque
 
     names  : names of the fields of the cut. The `family` of a cell is an index into `names`.
     phases : phase z of each field. An edge belongs to the stripe whose number k is nearest to z in the edge's cell. A
-             line has the k of most of its length.
+             line gets the number k of the edges with the largest total length.
     Together the lines are the boundary of the sheet, each edge once, with the material on the left."""
     labels = outline_labels(sheet)
     stripes = _Stripes(sheet, uncut, phases, labels)
@@ -352,7 +352,7 @@ def chart_lines(
     """Return `centre_lines` of evenly spaced members, each extended to the middle of the member that it meets.
 
     names      : names of the fields of the cut.    name : "major" or "minor".
-    half_width : (n,) on the uncut surface, in periods between the lines that remain after halving."""
+    half_width : (n,) on the uncut surface, divided by the distance between neighbouring members."""
     family = STRIPES.index(name)
     passing = np.array([k for k, field_name in enumerate(names) if field_name == STRIPES[1 - family]], dtype=np.int64)
     lines = member_middles(chart, family, half_width, sheet, uncut.F, passing)

@@ -126,7 +126,7 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 class _BandOnCells:
     """Values of a band on triangles.
 
-    z : (m, 3) mean of both values at the corners, with `sign` and `shift`.    d : (m,) half of their difference.
+    z : (m, 3) mean of z + d and z - d at the corners, with `sign` and `shift`.    d : (m,) half width of the stripe.
     number : (m,) the level nearest to z at the centroid.    off : (m,) distance of z from this level.
     sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.
     blank : (m,) mask of triangles without values."""
@@ -153,7 +153,7 @@ class _BandOnCells:
         return cls(F, z - band.centre, half, number, distance, sign, shift, blank)
 
     def inside(self, slack: Floats) -> Bools:
-        """Return a mask (m,) of triangles whose centroid lies in a stripe, or nearer to it than `slack` (m,), in z."""
+        """Return a mask (m,) of triangles whose centroid lies in a stripe widened by `slack` (m,), in units of z."""
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:

@@ -56,14 +56,14 @@ class Bays:
 
     @property
     def slits(self) -> int:
-        """Number of slits: bays with an opening narrower than the member, on over half of the open length."""
+        """Number of slits: bays whose opening is narrower than the member beside it, over half of the open length."""
         free = np.bincount(self.bay, self.free, self.count)
         slit = np.bincount(self.bay, self.free * self.narrow, self.count)
         return int((slit > free / 2).sum())
 
     @property
     def slit_share(self) -> float:
-        """Fraction of the members' length outside crossings on which the opening is narrower than the member."""
+        """Fraction of the length of members, outside crossings, at which the opening beside the member is narrower."""
         total = float(self.free.sum())
         return float(self.free @ self.narrow) / total if total > 0 else 0.0
 
@@ -141,7 +141,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
     confidence : (m,) clarity of the direction, 0 to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > 0.25  # stresses differ by over 10 % of their RMS
+    clear = confidence[middles.face] > 0.25  # principal stresses differ by over 10 % of their RMS
     turns_back = _turning_nodes(middles, along[middles.face], clear)
     deviates = clear & (deviation[middles.face] > OFF)
     count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])
@@ -170,7 +170,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
 
 
 class Arms(NamedTuple):
-    """Strips of material that leave a ball around a place of a sheet.
+    """Strips of material that begin at a ball around a point of a sheet and extend outwards.
 
     direction : (a, 3) unit vectors towards the strips. A strip that surrounds the ball counts as two zero vectors.
     normal    : (a, 3) mean unit normals of the strips.    width : (a,) widths across the strips, metres."""
@@ -180,7 +180,7 @@ class Arms(NamedTuple):
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """Return True if a member of this width, metres, ends here: no arm, or a single arm under 3 widths wide."""
+        """Return True if a member of `width` metres ends here: no strip, or a single strip narrower than 3 widths."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:

@@ -50,7 +50,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # a line through over 2000 triangles runs along a member
+    for _ in range(2000):  # a line that crosses more triangles runs along a member and gets no end
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -184,8 +184,8 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
     slope : (k,) cosine between a line and the half-edge at its end; negative if walls converge along this half-edge.
 
-    Straight walls at an angle a meet at a distance of D = w / (2 tan(a / 2)) from a line of length w. A line is in a
-    tip if the wall between its ends, which goes around the tip, is 0.4 to 1.7 times 2 D long."""
+    Straight walls at an angle a meet at a distance of D = w / (2 tan(a / 2)) from a line of length w. The wall runs
+    from one end of the line around the tip to the other end. In a tip, this wall is 0.4 to 1.7 times 2 D long."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -226,7 +226,7 @@ def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
     """Return the loop (e,) of each edge, all edges in order along the loops, and the loop count; ends : (e, 2)."""
     slot = sorted_order(ends.ravel())  # by vertex; 2 i + s is end s of edge i
     onward = np.empty_like(slot)
-    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the other end of the next edge
+    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the far end of the next edge at the same vertex
     after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
     label, chain, loops = [-1] * len(ends), list[int](), 0
     for start, state in enumerate(leaving):
@@ -313,7 +313,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
     """Measure the smallest sizes of a cut sheet.
 
     cells : all cells, material and void.    built : (m',) cells of the structure.    names : names of the fields.
-    tips  : True to measure gaps in tips, too.
+    tips  : True to measure gaps also in the tips of openings, where walls converge.
 
     Widths and gaps are lengths of the lines in `crossings`. They are exact between straight walls. If walls bend by an
     angle a from edge to edge, the error is up to 1 - cos a. Two walls at an angle over 20 degrees have no width.

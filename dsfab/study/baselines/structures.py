@@ -93,7 +93,7 @@ class ComparisonTask:
 
     @property
     def loads(self) -> dict[str, LoadCase]:
-        """Loads that the pattern follows, on the uncut surface."""
+        """Loads that determine the pattern, as they act on the surface before it is cut."""
         return self.statics.loads(self.preset.followed_weights)
 
     @property

@@ -1,4 +1,4 @@
-"""Topology optimisation (SIMP), which gives each face of a triangle mesh a density, and a competitor made by it."""
+"""Topology optimisation (SIMP) of the densities of faces, and a structure cut from them to compare with a design."""
 
 import time
 from collections.abc import Mapping, Sequence

@@ -102,7 +102,7 @@ def check_contents(
     progress: Progress | None = None,
 ) -> FileCheck:
     """Check the contents of a file like `check_file`.
-    contents : contents of the file. A comparison with a design needs the deflection `deflection_for(preset)`.
+    contents : contents of the file, read with the deflection `deflection_for(preset)` if a design is given.
     unit_given : True if the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")

@@ -261,7 +261,7 @@ class Allowance:
         return cls(flat + contents.deflection, limits)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the allowed distance (k,) between the two solids at points (k, 3), metres."""
+        """Return the allowed distance (k,) between a file's solid and a design's solid at points (k, 3), metres."""
         flat = np.full(len(points), self.flat)
         if self.limits is None:
             return flat
@@ -294,7 +294,7 @@ def _farthest(
     P = np.concatenate([V, V[F].mean(axis=1)])
     offsets = nearest_places(P, onto_V, onto_F).distance
     k = int(offsets.argmax())
-    candidates = np.flatnonzero(offsets > allowed.flat)  # all other points are within the limit for flat faces
+    candidates = np.flatnonzero(offsets > allowed.flat)  # points within the limit for flat faces need no check
     candidates = candidates if len(candidates) else np.array([k])
     permitted = allowed.at_points(P[candidates])
     worst = int((offsets[candidates] - permitted).argmax())

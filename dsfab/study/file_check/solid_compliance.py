@@ -232,7 +232,7 @@ class SolidCompliance:
 
     @property
     def ratio(self) -> float:
-        """Compliance of the solid divided by that of the shell: above 1 the file is softer than the sheet."""
+        """Compliance of the solid divided by that of the shell. Above 1, the solid is softer than the shell."""
         return self.solid / self.shell
 
 

@@ -12,7 +12,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""A structure snaps through if its displacement per load is this many times that of the first and the previous step."""
+"""A structure snaps through if displacement / load exceeds `CANDIDATE` x its first and `JUMP` x its previous value."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -210,7 +210,7 @@ ABOUT: Mapping[str, MetricFacts] = {
     "loose": MetricFacts("", "less", "slicing", "share of the cut material that reaches no support"),
     "pinches": MetricFacts("", "less", "slicing", "point contacts that were joined or split"),
     "min_width": MetricFacts("m", "more", "slicing", "width that stripes exceed on 90 % of their area"),
-    "evenness": MetricFacts("", "less", "pattern", "wide over narrow member spacing, P95/P5, of the less even family"),
+    "evenness": MetricFacts("", "less", "pattern", "widest / narrowest member spacing (P95 / P5), less even family"),
     "dead_ends": MetricFacts("", "less", "pattern", "loose ends of members, and members that make a U-turn"),
     "slits": MetricFacts("", "less", "pattern", "openings narrower than the members beside them"),
     "deviation": MetricFacts("degrees", "less", "pattern", "angle from members to stress, weighted by the stress"),

@@ -232,8 +232,8 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return the results of a random design on up to `count` meshes. Large designs whose verdict needs two meshes get
-    no fourth mesh. Raises DsfabError if the design cannot be built or does not carry its loads."""
+    """Return the results of a random design on up to `count` meshes. A large design gets no fourth mesh if its verdict
+    needs only two meshes. Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())

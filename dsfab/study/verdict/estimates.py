@@ -18,7 +18,7 @@ LEAST_EDGES_PER_MEMBER = 4.0  # members narrower than 4 edges of the uncut mesh 
 
 @dataclass(frozen=True)
 class ComplianceEstimate:
-    """Compliance of a sheet (J). bound : largest error, divided by the value."""
+    """Compliance of a sheet (J). bound : error bound of the compliance, divided by the compliance."""
 
     value: float
     bound: float
@@ -61,7 +61,7 @@ the differences do not decrease clearly."""
 @dataclass(frozen=True)
 class ModeEstimate:
     """Lowest buckling factor, or lowest frequency (Hz).
-    bound : largest error, divided by the value; inf for one mesh.
+    bound : error bound of `value`, divided by `value`; inf for one mesh.
     ratio : first difference between successive meshes divided by the second one; None without three meshes."""
 
     value: float
@@ -79,9 +79,9 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     of the previous mesh. A step is the difference of the values on two successive meshes.
 
     Two meshes: half of the step is added to the last value, and the bound is the whole step. Three meshes: the value is
-    extrapolated by the ratio of the steps, and the bound is the extrapolated part. If the steps have opposite signs or
-    do not clearly decrease, the value is that of the finest mesh. The bound is then twice the last step if the steps
-    clearly decrease, else twice the larger step. The bound covers only errors of the mesh."""
+    extrapolated by the ratio of the steps, and the bound is the extrapolated part. If steps have opposite signs or do
+    not clearly decrease, the value is that of the finest mesh. The bound is then twice the larger step. Steps of
+    opposite signs that clearly decrease give twice the last step as bound. The bound covers only errors of the mesh."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -120,7 +120,7 @@ class Extreme:
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
     """Return extremes (Pa) of `stress` (von Mises), `tension` and `compression` (principal stresses, at least 0).
     supported : (n,) mask of supported vertices.
-    In each face, the largest value of both sides and the middle of the sheet counts."""
+    The value of a face is the largest value on its upper side, in its middle, or on its lower side."""
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
         "stress": stress.largest,

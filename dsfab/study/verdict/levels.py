@@ -1,4 +1,4 @@
-"""Levels of refinement: finer and finer meshes of a sheet, solved by two pairs of elements, with their errors."""
+"""Levels of refinement: finer and finer meshes of a sheet, solved by two pairs of membrane and bending elements."""
 
 import time
 from collections.abc import Mapping
@@ -101,7 +101,7 @@ def rib_softening(
     answers: Mapping[str, Equilibrium],
     stresses: Mapping[str, SheetStress],
 ) -> dict[str, RibSoftening]:
-    """Return the softening of a solid for each load case of a solved sheet. A second solve with bars is needed."""
+    """Return how much softer a solid is than a thin sheet, for each load case. The sheet is solved again with bars."""
     surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
         barred = [answer.compliance for answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
@@ -152,7 +152,7 @@ PARDISO needs less, because it stores only half of a symmetric factor."""
 
 @dataclass(frozen=True)
 class Level:
-    """One mesh of a verdict. The main elements are `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` for a single mesh.
+    """Results on one mesh. The main elements are `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` for a single mesh.
     triangles  : number of triangles.      unknowns : number of unknowns of the main elements.
     compliance : compliance (J) by the main elements for each case.
     midedge    : compliance (J) by `SPREAD_ELEMENTS` for each case; empty if not solved.

@@ -148,7 +148,7 @@ class Verdict:
 
     @property
     def bound(self) -> float:
-        """Largest error of the governing case, divided by its value."""
+        """Error bound of the governing case's compliance, divided by this compliance."""
         return self.cases[0].bound
 
     @property

@@ -13,7 +13,7 @@ borders have smaller changes."""
 LEAST_TURNS = 12
 """A ragged border turns left and right alternately at least this many times. Fewer turns may be intended, such as
 the corners of an opening."""
-LARGEST_GAP = 3  # Largest number of edges between two turns of a ragged border.
+LARGEST_GAP = 3  # Largest number of edges between two successive changes of direction on a ragged border.
 FLAT = float(np.radians(150))
 """Largest angle of a face on a straightened border, in radians. Faces with larger angles are removed."""
 
@@ -44,7 +44,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
             better = _smoothed_line(V[line], closed)
             moves = lengths(better - V[line])
             step = lengths(np.diff(V[line], axis=0)).mean()
-            # larger moves would destroy intended shapes, such as teeth
+            # larger moves would destroy intended shapes, such as zigzag borders
             if moves.max() > min(step, 0.04 * largest):
                 continue
             changed = _with_line(V, F, line, better)
@@ -63,7 +63,7 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Return the indices (k,) of each ragged part of a closed border, with True if the part is the whole border.
+    """Return the indices (k,) of border parts that turn left and right alternately, and if a part is the whole border.
     turn : (j,) change of direction at each vertex of the border, radians."""
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:

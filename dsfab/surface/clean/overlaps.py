@@ -57,7 +57,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Mark pairs (p,) at the ends of a line where sheets cross: edges (e, 2) of both sheets lead to a marked pair."""
+    """Mark pairs (p,) of vertices at the ends of lines where sheets cross: edges (e, 2) lead to a crossing pair."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -203,7 +203,7 @@ def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
 
 
 def _is_covered(covers: Ints, by: Bools) -> Bools:
-    """Mark the faces (m,) whose samples all lie on faces marked in `by` (m,)."""
+    """Mark the faces (m,) whose samples are all covered by marked faces. by : (m,) marks of the covering faces."""
     face, sample, _ = covers[by[covers[:, 2]]].T
     covered_samples = np.bincount(distinct(face * len(SAMPLES) + sample) // len(SAMPLES), minlength=len(by))
     return np.asarray(covered_samples == len(SAMPLES))
@@ -212,10 +212,10 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
 COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of its area.
 PARALLEL_GAP = 0.08  # Largest distance between parallel sheets, divided by the square root of their area.
 LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of two parallel sheets, smaller to larger.
-IGNORED_SHARE = 0.1  # Fraction of the area ignored at each end, where the distances are smallest and largest.
+IGNORED_SHARE = 0.1  # Ignored fraction of the area, once at the smallest and once at the largest distances.
 
 _REMARKS = {
-    "copy": "the surface has a second sheet {} from the first, probably a copy; delete one of them, or set "
+    "copy": "the surface has two sheets only {} apart, probably copies; delete one of the sheets, or set "
     "surface.mend = true",
     "slab": "the surface is a closed slab, {} thick, so dsfab would build each of its two faces as a sheet; give its "
     "middle surface, or set surface.mend = true",
@@ -357,7 +357,7 @@ def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, largest = weighted_quantiles(gaps, area, (IGNORED_SHARE, 0.5, 1 - IGNORED_SHARE))
-    uneven = 2.5  # largest ratio of distances between the two faces of a slab; a pillow has a larger ratio
+    uneven = 2.5  # a slab has faces at similar distances: largest / median and median / smallest are at most this
     if largest > PARALLEL_GAP * side or (even and not (largest <= uneven * middle and middle <= uneven * least)):
         return None
     return None if middle <= COPY_GAP * side < largest else float(middle)

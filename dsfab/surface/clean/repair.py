@@ -49,7 +49,7 @@ class MendedMesh:
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
-        """Return the mesh with only the faces `keep` (k,). `which` describes the removed faces in the repair text."""
+        """Return the mesh with only the faces `keep` (k,). `which` describes the removed faces in `repairs`."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -332,7 +332,7 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
             break
     used, F = np.unique(F, return_inverse=True)
     lost = count_phrase(len(V) - len(used), "short edge")
-    what = f"{lost} collapsed, to flatten {count_phrase(count, 'face')} that noise had folded or tilted"
+    what = f"{lost} collapsed, which flattens {count_phrase(count, 'face')} that noise had folded or tilted"
     return MendedMesh(V[used], F.reshape(-1, 3), (*mesh.repairs, what))
 
 

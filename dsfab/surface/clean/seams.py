@@ -62,7 +62,7 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the new vertex (n,) of each vertex: the first of its group; in long chains, a vertex within `reach`.
+    """Return the new vertex (n,) of each vertex: its entry in `targets`; in long chains, a vertex nearer than `reach`.
     Without this limit, a long chain of near vertices would shrink to a point."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
@@ -88,7 +88,7 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest ratio of a seam's width to the length of the edge at its side, for two patches with common ends.
+"""Largest width of a seam divided by the length of a boundary edge beside it. The seam's two sides have common ends.
 The ratio is the height of a 30 degree arc divided by its chord."""
 
 
@@ -130,7 +130,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return pairs (k,), (k,): a boundary edge (row of `ends` (b, 2)) and a boundary vertex near it.
-    Largest distance: `within`; or `SAG` times the edge's length, if it is more and a boundary is not a closed loop."""
+    Largest distance: `within`; if not all boundaries are closed loops, at least `SAG` times the edge's length."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)

@@ -82,7 +82,7 @@ def read_dxf_meshes(path: Path, budget: Budget, only: Sequence[str] = ()) -> Tri
     inventory = contents(drawing.counts + Counter({Content("object", "beside", "in paper space"): on_paper}))
     if not V:
         solids = sum(thing.count for thing in inventory if thing.kind == "solid")
-        what = f"{count_phrase(solids, 'solid')} or surface and no mesh" if solids else "no mesh"
+        what = f"{count_phrase(solids, 'solid')} (or surfaces), but no mesh" if solids else "no mesh"
         over = ignored_clause(thing.text for thing in inventory if thing.kind == "hidden object")
         raise SurfaceError(f"the file has {what}: no 3DFACE, MESH or polyface{over}; export it as a mesh, or as STEP")
     cut_mesh = triangles(Polygons(np.concatenate(V), np.concatenate(corners), np.concatenate(sizes)))
@@ -157,8 +157,8 @@ class _Entities:
         self.hidden_layers = hidden_layers
 
     def meshes(self, entities: Any) -> Iterator[tuple[tuple[str, ...], tuple[Polygons, bool, Content]]]:
-        """Yield the names of each visible entity with a mesh. Also yield a tuple of its mesh, True if its block is
-        mirrored, and its inventory entry. Count the other entities."""
+        """Yield the layer and block names of each visible entity with a mesh, and a tuple: the mesh, True if its block
+        is mirrored, and its inventory entry. Only count entities without a mesh."""
         for entity, names, mirrored, _ in self.leaves(entities):
             meshes = [*_polygons(entity)]
             if not meshes:

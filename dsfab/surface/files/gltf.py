@@ -63,7 +63,7 @@ class Buffers:
     def _content(self, uri: Any) -> bytes:
         if uri is None:
             if self.binary is None:
-                raise MalformedFileError("the binary part with its coordinates is missing")
+                raise MalformedFileError("the file's binary part, which holds the coordinates, is missing")
             return self.binary
         if not isinstance(uri, str):
             raise MalformedFileError("a buffer of the file has no name")
@@ -232,7 +232,7 @@ class _Scene:
                 yield mesh_at(V, F, matrix)
 
     def count_unused(self) -> None:
-        """Count meshes outside the scene, cameras and lights."""
+        """Count the cameras, and the meshes that are not in the visible scene."""
         unused = len(self.tree.get("meshes", ())) - len(self.used)
         self.counts[Content("mesh", "dropped", "outside the visible scene")] += unused
         self.counts[Content("camera", "beside")] += len(self.tree.get("cameras", ()))
@@ -243,7 +243,7 @@ class _Scene:
         yield from ((node["mesh"], matrix @ place) for place in instances)
 
     def _shown_nodes(self) -> Iterator[tuple[list[str], tuple[dict[str, Any], Floats]]]:
-        """Yield the names of each shown node with a mesh and of its parent nodes, with a pair: node, matrix (4, 4)."""
+        """Yield names and a pair (node, matrix (4, 4)) for each shown node with a mesh. Names: node, parents, mesh."""
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         inner = {child for node in nodes for child in node.get("children", [])}
         roots = [k for k in range(len(nodes)) if k not in inner]

@@ -52,7 +52,7 @@ class PlyElement:
         return MalformedFileError(f"it announces {self.count:,} records of {self.name!r}, but ends before the last one")
 
 
-Columns = dict[str, Any]  # Values (count,) of each property; all values (c,) and the lengths (count,) of each list.
+Columns = dict[str, Any]  # By property: values (count,). By list property: values (c,) of all lists; lengths (count,).
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
@@ -64,7 +64,7 @@ def text_numbers(body: bytes) -> tuple[Floats, bool]:
         block, position = body[position:end].strip(), end
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("error", DeprecationWarning)  # numpy before 2.3 only warns about other words
+                warnings.simplefilter("error", DeprecationWarning)  # numpy before 2.3 only warns of words in numbers
                 parts.append(np.fromstring(block, dtype=np.float64, sep=" ") if block else np.empty(0))
         except (ValueError, DeprecationWarning):
             parts.append(_numbers_before_words(block))
@@ -307,7 +307,7 @@ def _polygons(columns: dict[str, dict[str, Any]]) -> Polygons:
     if lists is None:
         return Polygons(V, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
     if not isinstance(lists, tuple):
-        raise MalformedFileError("the property vertex_indices of its faces is not a list")
+        raise MalformedFileError("the property vertex_indices of the file's faces is not a list")
     return Polygons(V, _whole(lists[0]), lists[1])
 
 
@@ -376,4 +376,4 @@ def _count(word: str, line: int) -> int:
 
 def _require_unique(names: list[str], what: str) -> None:
     if twice := {name for name in names if names.count(name) > 1}:
-        raise MalformedFileError(f"its header has the {what} {min(twice)!r} twice")
+        raise MalformedFileError(f"the file's header has the {what} {min(twice)!r} twice")

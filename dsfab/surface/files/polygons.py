@@ -13,7 +13,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
 """Cosine between the normals of a quad's triangles: above `FLAT` the quad is flat, below `WARPED` it may be folded."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""A quad is cut along its second diagonal if the triangles of this cut are more nearly parallel to flat neighbours.
+"""A quad is cut along its second diagonal if its triangles then bend less at the edges to flat neighbours.
 The difference between the unit normals must be below `ON` (10 degrees), and below `BETTER` times the difference
 for the first diagonal."""
 
@@ -193,8 +193,8 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 
 def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
-    """Return the distance (k,) of each corner of an outline (k, 2) to the right of the line through its neighbours.
-    Return also whether the outline turns by less than 90 degrees at the corner."""
+    """Return the signed distance (k,) of each corner of an outline (k, 2) from the line through its two neighbours,
+    positive on the right. Return also whether the outline turns by less than 90 degrees at the corner."""
     incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(incoming + outgoing, axis=1)
     twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]

@@ -351,7 +351,7 @@ class TextFile:
 
 
 def may_lack_digits(word: str, count: int) -> bool:
-    """Return whether `word` may have lost its last digits. word : last index in a file; full indices go to `count`."""
+    """Return whether `word` may have lost its last digits. word : last index in a file. count : largest index."""
     if not (word.isascii() and word.isdigit()):
         return True
     return len(word) <= len(str(count)) and 10 * int(word) <= count  # int() fails for words of 5000 digits

@@ -176,7 +176,7 @@ class _DrawnObjects:
         import rhino3dm
 
         if len(blocks) > self.budget.depth:
-            raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
+            raise MalformedFileError(f"the file's blocks are nested more than {self.budget.depth} deep")
         for thing in things:
             self.count += 1
             self.budget.require("entities", self.count)

@@ -86,7 +86,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
             raise MalformedFileError(f"line {_line_number(text, position)} does not begin a triangle")
         position = match.end()
     budget.require_triangles(len(numbers) // 9)
-    doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
+    doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: the file may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
     parts = len(_SOLID.findall(text))  # each part begins with the word solid, even if the part is not closed
     counts = Counter({Content("face"): len(numbers) // 9, Content("part"): parts if parts > 1 else 0})
@@ -271,7 +271,7 @@ def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int,
 
 
 def _refuse_doctype(*_: object) -> None:
-    raise MalformedFileError("it declares a document type, which 3MF forbids")
+    raise MalformedFileError("the file declares a document type, which 3MF forbids")
 
 
 def _place(values: dict[str, str]) -> Floats:

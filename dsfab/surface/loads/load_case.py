@@ -15,7 +15,7 @@ from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
-EDGE_ON = 1e-12  # Largest cosine between a direction and the normal of a face that counts as parallel to it.
+EDGE_ON = 1e-12  # A face is parallel to a direction if the cosine of its normal and the direction is at most this.
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the loads with `weight` and `bare` multiplied by remaining fractions of material, numbers or (m,)."""
+        """Return the loads with `weight` and `bare` multiplied by the fractions of material left, numbers or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         scaled = {part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
         return replace(self, **scaled)

@@ -263,7 +263,7 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) near the line that are longer than the extent's width. Long edges could miss the extent."""
+    """Mark the edges (e,) near the outline of `extent` that are longer than its width at slender places."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -300,7 +300,7 @@ def _border_edges(s: Surface, extent: Extent) -> Bools:
 
 
 def _turns_back(depth: Floats) -> Bools:
-    """Mark the edges (k,) along which depths (p, k) change sign more than once, or touch 0 between equal signs."""
+    """Mark the edges (k,) along which the depth changes its sign more than once. depth : (p, k) at p points each."""
     sign = np.sign(depth)
     low, high = np.minimum.accumulate(sign), np.maximum.accumulate(sign)
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)
@@ -311,7 +311,7 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
-    """Return the faces (k,) that an outline crosses, and its distance (k,) from the middle of its chord there."""
+    """Return the faces (k,) that an outline crosses, and the distance (k,) of the outline from each chord's middle."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place

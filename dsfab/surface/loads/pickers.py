@@ -195,7 +195,7 @@ class Nearest:
         return _in_metres(self.points, surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); the first of equally near vertices. Raises SurfaceError without points."""
+        """Return the picked vertices (n,): for each point, the nearest vertex. Raises SurfaceError without points."""
         picked = np.zeros(surface.n, dtype=bool)
         for point in self.places(surface):
             picked[np.linalg.norm(surface.V - point, axis=1).argmin()] = True
@@ -222,7 +222,7 @@ class Boundary:
             )
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if the surface has no such loop."""
+        """Return the picked vertices (n,). Raises SurfaceError if the surface is closed or lacks loop number `loop`."""
         loops = surface.loops
         if not loops:
             raise SurfaceError(f"{picker_words(self)} picks no vertex: the surface is closed; use another picker")
@@ -321,7 +321,7 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
     """Return the vertices (n,) at distances `away` (n,) up to `reach`, metres; raises SurfaceError if none exist."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
-    return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside it")
+    return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m out of reach")
 
 
 def _require_picked(picker: _HasPick, surface: Surface, picked: Bools, why: str) -> Bools:

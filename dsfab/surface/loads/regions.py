@@ -81,8 +81,8 @@ class RegionedSurface(NamedTuple):
 
 
 def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
-    """Return the surface with edges along outlines of regions, without voids; `whole` in the result begins with the
-    old vertices. Raises SurfaceError with the region's name if a region misses the surface, or if voids leave none."""
+    """Return the surface with edges along outlines of regions, without voids. The old vertices are the first in
+    `whole`. Raises SurfaceError with the region's name if a region misses the surface, or if voids remove all faces."""
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
     outlined = OutlinedSurface(surface, nothing, nothing)
     for k in _voids_first(regions):

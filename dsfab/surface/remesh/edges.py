@@ -115,7 +115,7 @@ class Net:
 
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
-    """Return which candidates (c,) cost less than every other candidate that shares a vertex with them.
+    """Return which candidates (c,) for a change of the mesh cost less than every other candidate with a common vertex.
     touched : (c, k) vertices of each candidate.
     cost    : (c,) cost of each candidate. Costs are rounded to eight levels, so that many candidates are selected at
               once. A hash gives the order within a level [Knuth 1973, multiplicative hashing].
@@ -381,7 +381,7 @@ def with_ears_flipped(surface: Surface) -> Surface:
     for start, end in ((a, b), (b, a)):  # no new face may turn over
         ear &= angles_at(surface.V, start, end, c) + angles_at(surface.V, start, end, d) < np.pi
     chosen = np.flatnonzero(ear)
-    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # keep only one ear beside each face
+    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # keep one pair per second face
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))
@@ -396,7 +396,7 @@ def without_rim_slivers(surface: Surface) -> Surface:
     side = bare.argmax(axis=1)  # the border edge starts at corner `side`
     a, b, tip = (F[np.arange(len(F)), (side + k) % 3] for k in range(3))
     base = edge_lengths(V, np.stack([a, b], axis=1))
-    low = 2 * surface.areas < TOLERANCE * base**2  # faces much lower than their border edge
+    low = 2 * surface.areas < TOLERANCE * base**2  # faces with a height below TOLERANCE x border edge
     low &= (bare.sum(axis=1) == 1) & ~on_boundary(edges, surface.n)[tip]
     low &= (angles_at(V, a, b, tip) < np.pi / 2) & (angles_at(V, b, a, tip) < np.pi / 2)
     chosen = np.flatnonzero(low)

@@ -14,7 +14,7 @@ from dsfab.surface.topology import link_components
 TOLERANCE = 1 / 50  # Largest move of boundaries and creases, in edge lengths.
 CORNER = 30.0  # Least bend of a curve at a corner, degrees.
 DULL = 0.6 * CREASE  # Least angle between the mean normals on the two sides of a short crease, degrees.
-FINE = 1 / 80  # Largest width over which a scan's normals are averaged (`design_features`), over the box's diagonal.
+FINE = 1 / 80  # Largest width for means of a scan's normals (`design_features`), as a fraction of the box's diagonal.
 
 
 class SmoothVertices(NamedTuple):
@@ -136,7 +136,7 @@ def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
     vertex, curve = np.concatenate(chains), np.repeat(np.arange(len(chains)), [len(chain) for chain in chains])
     points = surface.V[vertex]
     step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
-    step[np.diff(curve, prepend=0) > 0] = surface.size  # a gap of this length separates curves on the axis
+    step[np.diff(curve, prepend=0) > 0] = surface.size  # a gap in arc length between two successive curves
     return FeatureCurves(points, np.cumsum(step), curve, vertex, fixed)
 
 

@@ -119,7 +119,7 @@ class _MirrorTest:
 
     @cached_property
     def centre(self) -> Floats:
-        """Middle (3,) of the box, metres; coordinates unlike the centroid's are replaced by the centroid's."""
+        """Middle (3,) of the box, metres. A coordinate far from the centroid's is replaced by the centroid's."""
         middle = (self.surface.V.min(axis=0) + self.surface.V.max(axis=0)) / 2
         area = centroid(self.surface)
         return np.where(np.abs(middle - area) < IMAGE_TOLERANCE * self.edge, middle, area)
@@ -234,7 +234,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part that contains a weighted sum of all vertices, so that rotated surfaces give the same part."""
+        """Return the part towards a weighted sum of all vertices. The sum rotates with the surface, and so the part."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
@@ -254,7 +254,7 @@ class Chamber:
         return np.asarray(np.abs(self.toward @ (V - self.mirrors.centre).T) < 1e-9 * self.whole.size)
 
     def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
-        """Move points V (p, 3) into their planes (k, p)."""
+        """Move points V (p, 3) into mirror planes. planes : (k, p) True if a point belongs to a plane."""
         moved = V.copy()
         for _ in range(2 * len(self.toward)):  # a move into one plane can leave another plane
             for normal, in_plane in zip(self.toward, planes, strict=True):

@@ -39,8 +39,8 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
 
 
 def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) -> Floats:
-    """Return edge lengths (n,), metres, from `finest` to `edge`, along which a field changes by `CHANGE_PER_EDGE`.
-    field : (m, 3, 3) tensors in the planes of the faces.
+    """Return edge lengths (n,), metres, along which a field changes by `CHANGE_PER_EDGE`.
+    All lengths lie between `finest` and `edge`.    field : (m, 3, 3) tensors in the planes of the faces.
 
     1. Each vertex gets the mean tensor of its faces [Zienkiewicz and Zhu 1987].
     2. The slope of an edge is the difference of its ends' tensors, rotated into one plane, divided by its length.
@@ -65,7 +65,7 @@ def _at_vertices(surface: Surface, field: Floats) -> Floats:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return edge values (e, k), summed around each vertex and its neighbours, per area (n, k) of these vertices."""
+    """Return (n, k): edge values (e, k) summed at a vertex and its neighbours, divided by the vertices' area."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -152,8 +152,8 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
-    """Return the slopes (k,) at which pairs of curves diverge from their common corner; 0 without a common corner.
-    The slope is the width (k,) between two vertices, metres, divided by their distance from the corner."""
+    """Return slopes (k,): the width (k,) between two curves, metres, divided by the distance from their common corner.
+    start, end : (k,) vertices on the two curves. The slope is 0 for curves without a common corner."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):
@@ -178,8 +178,8 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
-    """Return the length (p,), at most `edge`, of the longest chord around each point of the curves, metres.
-    The distance of the chord from the curve is at most 80 % of the tolerance."""
+    """Return the length (p,), at most `edge`, of the longest acceptable chord around each point of the curves, metres.
+    The distance of the chord from the curve is at most 0.8 `TOLERANCE` `edge`."""
     longest = np.full(len(curves.at), edge * CHORD_SHARES[-1])
     open_ = np.arange(len(curves.at))
     is_last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)

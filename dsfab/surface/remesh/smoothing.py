@@ -1,4 +1,4 @@
-"""Smooth patches through the vertices of a mesh, and movement of vertices to even triangles."""
+"""Smooth patches through the vertices of a mesh, and moves of vertices that make the triangles more even."""
 
 from dataclasses import replace
 from functools import cached_property

@@ -275,7 +275,7 @@ def twisted_solid(field: Field, turn: float) -> Field:
     return field_there
 
 
-LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of the lowest points and of the peak, in the formula's own units.
+LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of the lowest points and of the peak of Boy's surface, before scaling.
 
 
 @shape

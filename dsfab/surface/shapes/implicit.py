@@ -32,7 +32,7 @@ class MeshChart(Protocol):
     """A smooth surface whose points have coordinates X (n, k), for example two parameters, or x, y and z."""
 
     def place(self, X: Floats) -> Floats:
-        """Return the points (n, 3), metres."""
+        """Return the points (n, 3), metres, that have the coordinates X (n, k)."""
         ...
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:

@@ -1,4 +1,4 @@
-"""Bodies for extras: boxes, rods, their unions; also the surface and the sheet to which extras refer."""
+"""Bodies for extras of a solid, such as feet and holes: boxes, rods, unions. `Base` has the surface and the sheet."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """Input of extras: the uncut surface, the cut sheet, and a function between their vertices.
+    """The uncut surface, the cut sheet, and a function between their vertices, for feet, ring beams, holes and so on.
     between : function from marks (n,) on the surface's vertices to marks (n',) on the sheet's vertices."""
 
     surface: Surface

@@ -89,10 +89,10 @@ class SplitBodies:
     kind: Literal["split"] = "split"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid in parts that fit the bed, with holes for dowels; raises SolidError for wrong lengths."""
+        """Return the solid in parts that fit the bed, with holes for dowels. Raises SolidError for invalid options."""
         positive(self, "apart")
         if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
-            raise SolidError("thickening.extra 'split': set bed to positive lengths, and set dowel and deep or neither")
+            raise SolidError("thickening.extra 'split': set bed to positive lengths; set both dowel and deep, or none")
         ends = np.array(solid.bounding_box()).reshape(2, 3)
         levels = [self._levels(ends[0, axis], ends[1, axis], self.bed[axis]) for axis in range(3)]
         drills = [drill for axis in range(3) for drill in self._drills(solid, axis, levels)] if self.dowel else []

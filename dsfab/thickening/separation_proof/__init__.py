@@ -71,7 +71,7 @@ class Boxes:
 
 
 def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
-    """Sort the faces of the uncut surface into about `count` boxes, each larger than the solid over any face."""
+    """Sort the faces of the uncut surface into about `count` boxes. Each box is larger than the prism over any face."""
     uncut = layer.uncut
     middle = uncut.centroids
     size = lengths(layer.D) * (1 + abs(layer.shift))
@@ -174,7 +174,7 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Return a mask (k,) of the accepted boxes whose cylinder is inside the rim of the faces in the boxes around it."""
+    """Mark accepted boxes (k,): the rim of a box's block of boxes (`REACH`) goes once around the box's cylinder."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
@@ -237,7 +237,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
     if is_fine(uncut.V, layer.D):
         error += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
-    for count in (1000, 8000):  # the second, finer grid proves more cells
+    for count in (1000, 8000):  # numbers of boxes; with more boxes, the proof succeeds for more cells
         boxes = boxes_of(layer, error, count)
         folded, cosine, reach = prisms(layer, boxes, error)
         if folded.mean() > 0.05:

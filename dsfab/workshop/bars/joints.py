@@ -94,7 +94,7 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return plates (thickness in metres) with legs below strips at supports, and names of nodes too level for legs."""
+    """Return plates (thickness in m) with legs below strips at supports, and names of nodes with too little slope."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(member.mean_width for member in node_members) for node_members in members]

@@ -94,8 +94,8 @@ def _sharp_angles(plan: BarPlan) -> Iterator[str]:
     if weakened:
         many = "1 bar loses" if len(weakened) == 1 else f"{len(weakened)} bars lose"
         yield (
-            f"{many} more than half of one side to a mitre, because a "
-            f"neighbour is at a sharp angle, and may be too weak: {names_and_count(weakened)}; "
+            f"{many} more than half of one side to a mitre at a "
+            f"sharp angle, and may be too weak: {names_and_count(weakened)}; "
             "narrower members lose less"
         )
 

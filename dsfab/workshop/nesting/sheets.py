@@ -54,8 +54,8 @@ def nest_parts(
     grain  : true if parts of members must lie lengthwise on the sheets.
     prices : price of a sheet of each size.
 
-    The cheapest trial wins, or without prices the trial with the least area. A trial begins with one size, or chooses
-    for each sheet the size with the most used area per price. Then smaller sheets replace sheets if the parts fit.
+    The cheapest trial wins, or without prices the trial with the least area. A trial prefers one size, or chooses for
+    each sheet the size with the most used area per price. Then each sheet gets the cheapest size that holds its parts.
     Raises PatternError for a part that fits on no sheet."""
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
     box_area = float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))

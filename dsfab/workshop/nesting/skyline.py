@@ -142,7 +142,7 @@ class SheetGap:
     @classmethod
     def from_columns(cls, begin: int, floor: Floats, ceiling: Floats, grid: ColumnGrid) -> "list[SheetGap]":
         """Return a `SheetGap` for each run of neighbouring columns that is high and wide enough for a part."""
-        high, least = ceiling - floor, grid.gap + 0.02  # metres: parts do not fit into smaller gaps
+        high, least = ceiling - floor, grid.gap + 0.02  # smallest useful height and width of a gap, metres
         bounds = np.flatnonzero(np.diff(np.concatenate([[0], high > least, [0]])))
         return [
             cls(begin + i, floor[i:j].copy(), ceiling[i:j].copy(), float(high[i:j].max()))

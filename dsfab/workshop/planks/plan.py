@@ -32,7 +32,7 @@ def upright_course(course: StripCourse, depth: float) -> StripCourse:
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return the courses of all planks along the surface, and those that end early at another plank or a bend."""
+    """Return the courses of all planks, and those courses that end early: at another plank, or where planks curl up."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
@@ -62,7 +62,7 @@ def plank_parts(
 ) -> slots.PlankParts:
     """Return the parts of all members that are planks.
     room   : lengths and widths that parts may have on the stock, metres.
-    ground : base plane; ends at its supports are cut level. None without supports.
+    ground : base plane; planks are cut level where they end at its supports. None without supports.
     order  : families, from the lowest planks to the uppermost.
     Raises PatternError if no piece fits on the stock."""
     courses, stopped = plank_courses(graph, stock)
@@ -233,8 +233,8 @@ def _sliding_lines(plan: PlankPlan) -> Iterator[str]:
     if steep:
         worst = max(steep, key=lambda name: steep[name])
         yield (
-            f"planks with slots from below slide onto lower planks in one direction; their slots widen by up to "
-            f"{np.degrees(steep[worst]):.1f} degrees for this ({worst}); planks are spliced to keep this angle below "
+            f"planks with slots from below slide onto lower planks in one direction; so slots widen by up to "
+            f"{np.degrees(steep[worst]):.1f} degrees (at {worst}); planks are spliced to keep this angle below "
             f"{np.degrees(slots.SLIDE_ANGLE):.0f}"
         )
     if planks.stuck:
@@ -257,7 +257,7 @@ def _omission_lines(plan: PlankPlan) -> Iterator[str]:
     if planks.shortened:
         yield (
             f"{names_and_count(planks.shortened)} {stopping_clause(len(planks.shortened))} another plank of the family "
-            "or curl up" + (f"; they miss {names_and_count(planks.missed_nodes)}" if planks.missed_nodes else "")
+            "or would curl up" + (f"; they miss {names_and_count(planks.missed_nodes)}" if planks.missed_nodes else "")
         )
     if planks.vanished:
         yield f"NOT BUILT, because other planks of the same family are in the way: {names_and_count(planks.vanished)}"

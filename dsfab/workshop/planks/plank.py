@@ -65,7 +65,7 @@ def level_cut(
 
 
 def plank_outline(layer: Development, ends: EdgeStations, slots: Sequence[Slot], depth: float) -> Floats:
-    """Return the outline (k, 2) of a plank, counter-clockwise from the right edge at the beginning."""
+    """Return the outline (k, 2) of a plank, counter-clockwise. It starts on the right edge, where the plank begins."""
     (a, b), (c, d) = ends
     right_edge = _edge_with_slots(layer, (a, c), -depth / 2, [slot for slot in slots if not slot.above])
     left_edge = _edge_with_slots(layer, (b, d), depth / 2, [slot for slot in slots if slot.above])
@@ -172,7 +172,7 @@ class Plank:
 
     @property
     def spans(self) -> list[tuple[float, float]]:
-        """Spans of the pieces without their laps."""
+        """Spans of the pieces (arc lengths), without overlaps at splices."""
         return list(zip(self.cuts, self.cuts[1:], strict=False))
 
     @property
@@ -254,7 +254,7 @@ class Plank:
         return accepted
 
     def _level_ends(self, ground: BasePlane | None, stations: Floats, parts: PlankParts) -> EdgeStations:
-        """Return the ends at the right and left edge; at supports they are level, unless a slot is in the way."""
+        """Return the corners at both ends of the plank. Ends at supports are level, unless a slot is in the way."""
         course, layer = self.course, Development(self.course, 0.0)
         ends = [(course.begin, course.begin), (course.end, course.end)]
         for k in (0, 1):

@@ -37,7 +37,7 @@ def middle_direction(normals: Floats) -> Floats:
 
 
 STANDING_ORDER = ("major", "minor", "rim", "keep")
-"""Families from the lowest to the uppermost if their heights are equal; builders put later families on earlier ones."""
+"""Order of assembly of families that begin at equal heights. Planks of a later family cross above earlier planks."""
 SLOT_CLEARANCE = 2e-4  # gap between a plank and the sides and bottom of its slot (m)
 LEAST_DEGREES = 30.0
 """Smallest crossing angle of planks with slots (degrees); at a smaller angle a slot would cut most of the plank."""
@@ -159,7 +159,7 @@ class PlankParts:
     crowded      : slots that would run into a neighbouring slot, "N007 in A02".
     slide_angles : largest angle between the assembly direction and the slots, by piece, radians.
     stuck        : angles of the pieces that cannot slide on lower planks, radians.
-    shortened    : members that stop before a member of their family or before a curl.
+    shortened    : members that stop before another member of their family, or before their own curled end.
     missed_nodes : nodes that shortened members do not reach.
     vanished     : members that would be too short.
     longer       : elongation of edges by twist, by member, metres.

@@ -20,7 +20,7 @@ from dsfab.export.writing import TRAILING_ZEROS, comma_separated_rows, one_line,
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
 """Colours of the pieces in turn, as red, green and blue. They are muted, so that edges stay visible."""
 
-DIGITS = 6  # decimals (mm) of curves, and of vertices in the search for coplanar triangles
+DIGITS = 6  # number of decimals (coordinates in mm) for curves, and in the search for coplanar triangles
 DIRECTION_DIGITS = 11  # decimals of directions; rounding moves the end of an edge of 100 m by under 1e-6 mm
 FIRST_FREE = 19  # first free entity number after the header of the file
 
@@ -422,7 +422,7 @@ def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
 
 
 def check(part: Part, report: dict[str, float]) -> ReadBack:
-    """Compare OCCT's report with the part and return it; raises ExportError for other triangles or volume (0.1 %)."""
+    """Compare OCCT's report with the part and return it. Raises ExportError if triangles or volume (0.1 %) differ."""
     require_equal(part, "triangles", len(part.F), int(report["triangles"]))
     if not abs(report["volume"] - part.volume) <= READ_BACK * part.volume:
         raise ExportError(f"OCCT reads another volume in the STEP file of {part.name!r}; write step = 'faceted'")

@@ -63,7 +63,7 @@ class FlatFacets:
 
     @cached_property
     def has_creases(self) -> bool:
-        """True if creases are at least half of the length of all folds; otherwise the sheet may be curved."""
+        """True if sharp folds (creases) are at least half of all folds by length. Otherwise the sheet may be curved."""
         F, upper = self.whole.F, self.skins[:, 0]
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
@@ -222,7 +222,7 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
 
 
 def _curve(line: Floats, tolerance: float) -> Curve:
-    """Fit a curve to a polyline (k, 4), two coordinates per skin. Equal fractions of its length are paired."""
+    """Fit a curve to the polylines of both skins, (k, 4). Points at equal fractions of the two lengths form pairs."""
     upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
     shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)

@@ -134,7 +134,7 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return the positions (p,) of all steps (edges) of loops (k,), loop after loop, and each step.s loop index."""
+    """Return the positions (p,) of all steps (edges) of loops (k,), loop after loop, and the loop of each step."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
@@ -247,7 +247,7 @@ def _long_edges(
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
     """Return the first vertex of each step (straight part of a loop), the first step of each loop, and the long edges.
     The long edges are three arrays: edge (s,) of each step, vertices (e, 2) of each edge, (s,) True for forward steps.
-    A long edge of two faces is identified by the smallest number of its mesh edges."""
+    Each step has a smallest mesh edge number. Steps of two faces with equal numbers are the same long edge."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
     run, end = ends_of_runs(is_corner, outline)

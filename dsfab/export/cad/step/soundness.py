@@ -158,7 +158,7 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
     try:
         report = occt_report("sample", str(path), seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError):
-        return f"OCCT did not cut it within {seconds:.0f} s of processor time", []
+        return f"OCCT did not cut the solid within {seconds:.0f} s of processor time", []
     if not report["halves"]:
         return "a trial cut in OCCT leaves an invalid half", report["box"]
     is_lossy = report["off"] > TOGETHER_LIMIT

@@ -96,7 +96,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return True if dsfab tries step = 'members' by itself: the sheet has stripes, and for 'quick' a boundary.
+    """Return True if dsfab tries step = 'members' unasked. The sheet needs stripes, for 'quick' also a boundary.
     CAD programs usually fail to cut smooth files, but they can cut files of step = 'members'."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
@@ -113,7 +113,7 @@ def _striped_sheet(part: Part) -> Curved | None:
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
     """Yield the attempts that remain after a faceted part was refused.
     members : the part with step = 'members'; None if slow attempts are not allowed.
-    quick   : True to stop if the first simplified part is far above the limit."""
+    quick   : True to stop if the first simplified part has far more faces than allowed."""
     far_factor = 2  # with more than twice the allowed faces, further tries do not help
     is_far = False
     if not part.tolerance:
@@ -145,7 +145,7 @@ def simpler(part: Part, tolerance: float) -> Part:
 
 def default_tolerance(part: Part) -> float:
     """Return the default tolerance of a planar file, mm; 0 for a solid that is neither flat nor folded.
-    Folds must be creases unless the user requests `planar`."""
+    Flat facets without creases count as folded only if the user requests `planar`."""
     try:
         return OUTLINE * outlines_of(part).thickness
     except ExportError:
@@ -184,19 +184,19 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 def _slow(refused: Sequence[ExportError]) -> str:
     over = " and ".join(reasons([error for error in refused if isinstance(error, BudgetError)]))
-    return f"; the file's time was not limited, because {over}" if over else ""
+    return f"; writing the file had no time limit, because {over}" if over else ""
 
 
 def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
     use = smooth_use(part)
     if use.tried and not use.fault:
         return "a half-space cut valid"
-    sentence = f"cutting it in CAD fails ({use.fault})" if use.fault else "cutting it in CAD may fail"
+    sentence = f"cutting the part in CAD fails ({use.fault})" if use.fault else "cutting the part in CAD may fail"
     return f"{sentence}: {way_to_cut(part, refused)} to cut it there"
 
 
 def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
-    """Recommend a strategy for files to cut: 'members', or 'faceted' if 'members' failed or stripes are unknown."""
+    """Recommend a STEP strategy for cuts in CAD: 'members', or 'faceted' if 'members' failed or stripes are unknown."""
     by_members = [error for error in refused if _is_by_members(error)]
     over = [error for error in by_members if isinstance(error, BudgetError)]
     if over:
@@ -228,7 +228,7 @@ def _reason_with_advice(error: ExportError, why: str) -> str:
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:
-    """Return the error for a part that all strategies refused, with the cost of each if files would be too large."""
+    """Return the error for a part that all strategies refused; it gives the sizes of files that would be too large."""
     over = [error for error in refused if isinstance(error, BudgetError)]
     if not over:
         return refused[-1]
@@ -336,7 +336,7 @@ def _estimate_faceted(part: Part) -> tuple[int, float, str]:
 
 
 def _estimate_tessellated(part: Part) -> tuple[int, float, str]:
-    return len(part.F), entities.expected_bytes(part), f"no deviation; written only on request: {entities.WARNING}"
+    return len(part.F), entities.expected_bytes(part), f"equals the mesh; written only on request: {entities.WARNING}"
 
 
 SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {

@@ -184,7 +184,7 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """Move ends of borders along round corners until they meet the outline at large angles; thickness in mm."""
-    rounds = 3  # a border's end moves along one chain in each round; a corner may have several chains
+    rounds = 3  # each round moves an end along one piece of the outline; a round corner may have several pieces
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
@@ -207,7 +207,7 @@ class _BorderEnds:
 
     def move_border(self, node: int) -> None:
         sharp = 20.0  # degrees; borders at smaller bends of the outline do not move
-        gain = 15.0  # degrees; the angle with the outline must grow by this
+        gain = 15.0  # degrees; a move must increase the angle between border and outline by this
         steep = 30.0  # degrees; a border with at least this angle to the outline is not moved
         before, after, (seam, end) = self.nodes[node]
         if self.changed & {before, after, seam} or turn_at(self._points_around(before, after)) < sharp:

@@ -157,7 +157,7 @@ def require_solid(
     complaint = f"the 'members' solid is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"
     _require(worst_way.worst <= worst_way.allowed, complaint, RoughError)
     is_kept = abs(volume - mesh_volume) <= (CHANGED_VOLUME + rounder) * mesh_volume
-    _require(is_kept, f"the volume of the solid of step = 'members' is off by {volume / mesh_volume - 1:.1%}")
+    _require(is_kept, f"the volume of step = 'members' differs by {volume / mesh_volume - 1:.1%} from that of the mesh")
     _require(not triangles[0].fault, triangles[0].fault, RoughError)
     return forth.most, back.most, triangles[0].shape
 
@@ -189,7 +189,7 @@ def require_use(report: dict[str, Any]) -> None:
     _require(report["boxed"], _cut_fault("a cut with a box", report["box_missed"]))
     _require(report["closed"], "a section of the solid of step = 'members' has open ends")
     _require(report["again"], "the solid of step = 'members' changes when OCCT writes and reads it")
-    _require(abs(plain_error) <= plain_limit, f"OCCT's unrefined volume of step = 'members' is {plain_error:.2%} off")
+    _require(abs(plain_error) <= plain_limit, f"OCCT's unrefined volume of step = 'members' errs by {plain_error:.2%}")
 
 
 def _cut_fault(cut: str, missed: float) -> str:

@@ -177,7 +177,7 @@ def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], 
 
 
 def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dict[int, SampledChain]:
-    """Return samples of the chains of a net on the smooth skins, by number of the chain."""
+    """Return samples of a net's chains on the smooth outer and inner surface of the sheet, by number of the chain."""
     numbers = list(net.chains)
     points = [net.chains[k].points for k in numbers]
     start, end = (np.concatenate([p[part] for p in points]) for part in (slice(-1), slice(1, None)))

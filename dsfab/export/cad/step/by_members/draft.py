@@ -179,7 +179,7 @@ def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
     least_walls = 3 / 4  # smallest expected fraction of outline chains that become walls
     if plan.curved.striped is None:
-        raise ExportError("STEP by members needs the stripes of the sheet, but they are unknown")
+        raise ExportError("step = 'members' needs the stripes of the sheet, but the stripes are unknown")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
     entity_list, pieces, trimmed = StepEntities(), list[list[int]](), list[TrimmedFace]()
     for sheet in _sheets(plan.curved.striped()):
@@ -199,12 +199,12 @@ _TOO_MANY = WeakSet[Part]()
 
 
 def has_too_many(part: Part) -> bool:
-    """Return True if a part was not written by members (four-sided patches) because it would have too many faces."""
+    """Return True if dsfab refused step = 'members' for a part, because the file would have too many faces."""
     return part in _TOO_MANY
 
 
 def require_few_faces(part: Part, faces: int) -> None:
-    """Raise ManyFacesError if `hurry` of the part sets a limit and the file would have more faces."""
+    """Raise ManyFacesError if the file would have more faces than the part allows (`Part.hurry`)."""
     limit = part.hurry * UNASKED
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)

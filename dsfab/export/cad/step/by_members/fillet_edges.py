@@ -24,7 +24,7 @@ from dsfab.export.cad.step.by_members.regions import ChainLoop
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.splines import bernstein
 
-FACE_TOLERANCE = 1e-6  # largest distance (mm) of a face from the extended part of a seam
+FACE_TOLERANCE = 1e-6  # a curve lies on a face if its distance from the face is at most this (mm)
 PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from a face is measured
 
 
@@ -36,7 +36,7 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return the ends (2, 2, 2) of curves (4, 6) in a patch's parameters; None if they follow no side of the patch.
+    """Return patch parameters (2, 2, 2) of the ends of curves (4, 6); None if the curves extend no side of the patch.
     edge  : (4, 6) poles of the edge that the curves extend.
     share : (2,) extensions at start and end, as fractions of the edge."""
     P = patch.poles
@@ -75,7 +75,7 @@ LARGE_FILLET_SHARE = 1 / 8
 OCCT extends the patch at this seam along its tangents. A fillet of larger radius is invalid: its gap is too wide."""
 
 TANGENT_GAP = 3e-5
-"""Wanted gap (mm) at the end of a fillet with `LARGE_FILLET_SHARE`. For a smaller gap, the seam leaves its patch."""
+"""Largest gap (mm) that OCCT may leave at the end of the largest fillet. For a smaller gap, a seam leaves its patch."""
 
 POLE_OFFSET = 1e-5
 """Movement (mm) of one pole of a seam that is in line with a wall's edge beside a trimmed face.
@@ -85,14 +85,14 @@ The seam needs a tolerance of 1.4e-5 mm. After the movement, OCCT gives it a tol
 @dataclass(frozen=True, eq=False)
 class LongSeam:
     """Extended seam, or a wall's edge beside a corner where an extended seam ends. poles : (4, 6), mm.
-    on : dict: face number -> poles (2, k, 2) in the parameters of the face's two surfaces. Patches come first."""
+    on : dict: face number (patches, then trimmed faces) -> poles (2, k, 2) in the parameters of its two surfaces."""
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return the poles (4, 6) of extended seams, by edge number. Only ends where no other seam ends are extended."""
+    """Return the poles (4, 6) of extended seams, by edge number. Ends where several seams meet are not extended."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
@@ -121,7 +121,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return the least extension of a seam / its length. OCCT extends it on, with a gap of at most `TANGENT_GAP`."""
+    """Return the extension of a seam / its length, after which OCCT extends the seam with gaps up to `TANGENT_GAP`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -256,7 +256,7 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
     return np.stack(parts)
 
 
-CLEAR_EDGE = 1 / 7  # radius / thickness of a fillet; an edge of a wall is cut beyond the end of this fillet
+CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness of the solid; a wall's edge is cut beyond the end of this fillet
 
 LONGEST_SHARE = 4.0
 """Largest length of an edge at a corner, divided by (thickness * t). t is the tangent of half the bend, but at most 1.
@@ -334,7 +334,7 @@ class CutEdges:
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at `stops`, fractions from its start (`ahead`) or end. against : True reverses the first part."""
+        """Cut an edge at `stops`, fractions from its start (`ahead`) or end. against : reverse the first new edge."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

@@ -28,7 +28,7 @@ def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting
 
 
 def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
-    fewest = 5  # a chain with moved ends has at least 5 points
+    fewest = 5  # the chain is divided again with at least 5 points before its ends are moved
     line = P[points]
     lengths = arc_lengths(line)
     start, end = P[ends[0]] - line[0], P[ends[1]] - line[-1]
@@ -66,7 +66,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the outline chains before and after a node, and the border's end; None unless one border ends there."""
+    """Return the outline chains before and after a node, and its border's end; None unless the node has one border."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -119,7 +119,7 @@ class _Arcs:
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
-    """Join the region of each fillet with neighbouring regions. No other region outside of all stripes changes."""
+    """Join the region of each fillet with neighbouring regions. Other regions outside of all stripes do not change."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take_region(region)

@@ -76,7 +76,8 @@ class ChainLine:
 
 
 class NetLines:
-    """Lines of a net. `place` : line and parameters of each chain. twins : lines on both sides of a seam."""
+    """Lines along chains of mesh edges. twins : numbers of lines on opposite sides of a seam.
+    place : for each chain, the number of its line, and the parameters of the chain's ends on this line."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
         self.net, self.lines, self.twins = net, lines, twins or {}
@@ -86,7 +87,7 @@ class NetLines:
                 self.place[k] = (i, a, b) if ahead else (i, b, a)
 
     def line_part(self, step: tuple[int, bool]) -> LinePart:
-        """Return the line of a chain, with its parameters at the chain's ends. step : chain, True for its direction."""
+        """Return the line of a chain, with its parameters at the chain's ends. step : chain, True to run forwards."""
         i, a, b = self.place[step[0]]
         return (i, a, b) if step[1] else (i, b, a)
 
@@ -353,7 +354,7 @@ def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
 
 
 def _bends(chains: Sequence[SampledChain]) -> list[bool]:
-    """Return True for each chain with an inner vertex that bends like a round corner, seen along the sheet's normal."""
+    """Return True for each chain that bends by more than `BEND_ANGLE` at an inner vertex, seen along the normal."""
     parts = [chain.Q[::SAMPLES_PER_EDGE] for chain in chains]
     if not parts:
         return []

@@ -13,7 +13,7 @@ from dsfab.export.cad.step.by_members.patch_sides import Quad, SideGrid, SideSta
 from dsfab.export.cad.step.by_members.patches import PatchBuilder
 from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
-MOST_CELLS = 2  # a compact region with more patches, such as a round crossing, is trimmed
+MOST_CELLS = 2  # a compact region that needs more patches becomes a trimmed face
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class NetEdge:
 
 @dataclass(frozen=True, eq=False)
 class NetWall:
-    """Ruled face between the skins. steps : edges and directions, material on the left. poles : (4, 6) of the wall."""
+    """Ruled face between the skins. steps : edges with directions; material is on the left. poles : (4, 6)."""
 
     steps: ChainLoop
     poles: Floats
@@ -243,7 +243,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Return the corners with one seam that a fillet fills with material; an empty list for a one-sided surface."""
+    """Return the corners that a fillet fills with material and where one seam ends; [] for a one-sided surface."""
     straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians between a seam and its continuation
     if model.seam:
         return []

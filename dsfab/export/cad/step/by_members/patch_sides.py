@@ -145,7 +145,7 @@ class SideStations:
         return first_parts, self._parts_between(second_side, second_breaks, pairs[1])
 
     def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], cuts: Floats) -> list[LinePart]:
-        """Divide a side at fractions (k,) of its length. A cut inside a cubic becomes a station of its line."""
+        """Divide a side at fractions (k,) of its length. A cut inside a cubic becomes a dividing point (station)."""
         ends, parts = np.concatenate([[0.0], cuts, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
@@ -156,7 +156,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # an old station replaces a cut if their distance / distance to the next cut is smaller
+        snap_share = 0.15  # largest distance of an old station that replaces a cut / distance from cut to next cut
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -173,7 +173,7 @@ class SideStations:
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
     """Pair the dividing points of two opposite sides; return positions (k,), ascending, as fractions of each side.
     Points at similar fractions form pairs. Each remaining point gets a new partner, interpolated between pairs."""
-    tolerance = 0.1  # paired stations differ by at most this fraction of a side
+    tolerance = 0.1  # fractions of two points in a pair differ by less than this
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares
     pairs = [(0.0, 0.0), (1.0, 1.0)]
@@ -243,7 +243,8 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return True for each line along one chain, and for close lines along several chains with fewer spans."""
+        """Return True for each line along one chain.
+        A line along several chains must be close, and have fewer spans than separate lines along these chains."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}

@@ -1,4 +1,4 @@
-"""Bezier patches of four-sided regions (Coons patches), surfaces as heights over a plane, and limits of faces."""
+"""Bezier patches of four-sided regions (Coons patches), surfaces as heights over a plane, and tolerances of faces."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -202,7 +202,7 @@ class PatchBuilder:
 
 
 def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
-    """Return for each region the largest distance (k,) of the middles of its patches from the skins."""
+    """Return for each region (k,) the largest distance of a patch's middle from the surface of the solid, mm."""
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)

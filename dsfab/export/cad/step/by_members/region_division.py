@@ -63,7 +63,7 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
 
 def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
     """Return the positions of two long walls in a region's loop; None if they are adjacent or not long enough."""
-    long = 1.5  # smallest length of a member's walls / distance between the walls
+    long = 1.5  # a member's walls are longer than 1.5 times the distance between the walls
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
     loop = loops[0]
@@ -92,7 +92,7 @@ LEAST_COSINE = 0.75
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide regions that bend too much and have a single outline. The net begins with the sheet's points."""
+    """Divide regions that bend too much and have a single outline. The net's first points are the sheet's points."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
@@ -167,7 +167,7 @@ class _BendSeams:
         return result
 
     def _halve_chains(self, region: int) -> bool:
-        few = 8  # only a chain longer than an eighth of the outline is long
+        few = 8  # a chain is halved only if it is longer than an eighth of the outline
         long = {k: self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0]}
         longest = [k for k, x in long.items() if few * x > sum(long.values()) and len(self.net.chains[k].points) > 2]
         for k in longest:

@@ -67,7 +67,7 @@ class ChainNet:
         return bool(self.twins) and self.chains[k].right == VOID and all(int(p) in self.twins for p in points)
 
     def ends(self, step: tuple[int, bool]) -> tuple[int, int]:
-        """First and last node of a step of a loop."""
+        """Return the first and the last node of a step: the number of a chain, and True for the chain's direction."""
         points = self.chains[step[0]].directed_points(step[1])
         return int(points[0]), int(points[-1])
 
@@ -117,7 +117,7 @@ def _regions(
 ) -> tuple[Ints, frozenset[int]]:
     """Return the connected region (m,) of each cell, and the numbers of regions outside of all stripes.
     apart : (i,) True for pairs of neighbouring cells with a crease between them."""
-    sliver = 1 / 4  # smallest square root of a region's area / thickness; smaller regions join a neighbour
+    sliver = 1 / 4  # a region with an area below (thickness / 4)^2 joins a neighbour
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])
@@ -359,8 +359,8 @@ class RegionInterior:
         return self.lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in weights], format="csr")))
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
-        """Return (m,) True for cells with a side longer than the thickness, or than a part of their region's size."""
-        region_share = 1 / 6  # a side is long if its length / size of the region is larger
+        """Return (m,) True for cells with a side longer than the thickness, or than 1 / 6 of their region's size."""
+        region_share = 1 / 6  # a side is long if it is longer than a sixth of the region's size
         P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)
         return np.asarray(long > np.minimum(self.thickness, region_share * size))

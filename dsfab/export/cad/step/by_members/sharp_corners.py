@@ -79,7 +79,7 @@ class Rims:
         self.moved |= change.edges.keys()
 
     def result(self) -> NetModel:
-        """Return the model with walls along the moved rims."""
+        """Return the model with new walls along the rims (edges of walls) that were moved."""
         model, walls = replace(self.model, edges=self.edges, vertices=self.vertices), list[NetWall]()
         for wall in self.model.walls:
             still = self.moved.isdisjoint(e for e, _ in wall.steps)
@@ -91,7 +91,7 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
     return {e for loop in face.loops for e, _ in loop}
 
 
-FILLET_SHARE = 1 / 6  # largest radius / thickness of a fillet whose edge must lie exactly on the surface
+FILLET_SHARE = 1 / 6  # edges lie exactly on the surface for fillets with a radius of up to a sixth of the thickness
 
 INNER_SHARE = 6 / 7
 """Smallest radius of a fillet on the inner skin, as a fraction of the radius on the outer skin.
@@ -178,7 +178,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             limits = zip((radius * half, INNER_SHARE * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 for a short edge
+            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1: edge too short
             if x > 1 - shortest_cut:
                 return []
             shares.append(1 - x if end else x)
@@ -210,10 +210,10 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
     """Return the poles of a surface refitted through points; None if that fails. points : four groups (k, 3).
     The surface passes through group 1, within `FLUSH_TOLERANCE` of group 2 (test points), and within `SPLIT` of
     group 3 (all edges). At group 4 (inside points), it moves by at most `largest_move`."""
-    hopeless = 20.0  # the search ends after three degrees if a residual is this many times larger than its limit
+    hopeless = 20.0  # the search ends after three polynomial degrees if a residual is over 20 times its limit
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; OCCT ignores gaps up to twice this, but rounded poles widen the gap
-    weights = (1.0, 1e-2), (0.1, 1e-4)  # two trials; weights that keep the old surface, and that make changes smooth
+    weights = (1.0, 1e-2), (0.1, 1e-4)  # for two trials: weight of keeping the old surface, weight of smooth changes
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
     heights.append(height_rows(parameters[3], len(poles) - 1) @ local[..., 2].ravel())
@@ -239,9 +239,9 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return movements (k,) of pole heights, so that a surface passes through group 1 of points, and near group 3.
+    """Return movements (k,) of pole heights that move a surface through the first group of points, near the third.
     rows : basis (., k) at the points of each group.    distances : distances of these points from the surface."""
-    held_weight, move_weight = 1e6, 1e-4  # weights of points of group 1 and of pole movements; group 3 has weight 1
+    held_weight, move_weight = 1e6, 1e-4  # weights of the first group of points, and of pole movements
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])

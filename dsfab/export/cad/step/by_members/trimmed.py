@@ -58,7 +58,7 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Return two right-handed directions of `ways` (k, 2): their parallelogram extends least beyond `box`.
+        """Choose two right-handed directions of `ways` (k, 2) for a parallelogram that is least outside `box`.
         A quadratic surface that is fitted to all points gives the heights of the parallelogram's corners."""
         least_sine = 1 / 4  # in a parallelogram with smaller angles, a bent surface would have folds
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
@@ -67,7 +67,7 @@ class FaceDomain:
         ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # a closed edge has no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         leftwards = places_in_plane @ turned
-        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) range of the points across each way
+        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) range across each of the directions
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
         i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
@@ -153,7 +153,7 @@ class TrimmedFace:
         return (self.outer, self.axes[0], slice(3)), (self.inner, self.axes[1], slice(3, 6))
 
     def gaps(self, points: Floats) -> Floats:
-        """(k, 2) heights of edge points (k, 6) above both surfaces, millimetres."""
+        """(k, 2) heights of edge points (k, 6) above the outer and the inner surface of the face, millimetres."""
         return np.stack([_heights_over(poles, axes, points[:, s]) for poles, axes, s in self.skins], axis=1)
 
 
@@ -328,7 +328,7 @@ def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """Fit pole heights (p + 1, p + 1) to heights z (k,). Changes of `base` are smooth. A : basis (k, (p + 1)^2)."""
+    """Fit pole heights (p + 1, p + 1) to heights z (k,), with a smooth change from `base`. A : basis (k, (p + 1)^2)."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())

@@ -58,7 +58,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return, for each face, points (k, 6) on both skins near samples of the face; none if it is within `tolerance`."""
+    """Return points (k, 6) on both skins near samples of each face; none for a face within `tolerance` of the skins."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -79,8 +79,8 @@ SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a s
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """Change faces so that the gap along each seam at an outline is widest at a point where OCCT measures gaps.
-    A face does not change if its widest gap, or the movement of its inside, would then be larger than `SPLIT`."""
+    """Change faces so that the gap along each seam that ends at a wall is widest where OCCT measures gaps.
+    A face does not change if its gap, or the movement of its inner points, would be larger than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -113,7 +113,7 @@ def _with_peaks(
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
     """One surface of a face: poles (p + 1, p + 1, 3), axes (3, 3), and points in mm.
-    seams : (e, k, 3) along seams.  edges : (j, 3) along all edges.  held : (h, 6, 3) along edges that may lie on it."""
+    seams : (e, k, 3) along seams.  edges : (j, 3) along all edges.  held : (h, 6, 3) on edges, to keep exact edges."""
 
     poles: Floats
     axes: Floats
@@ -141,9 +141,9 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Return, for each round, pole heights and the number of seams with the widest gap between OCCT's samples."""
+        """Return pole heights after each round of moves, and how many seams have their widest gap between samples."""
         rounds = 6  # largest number of rounds; in each round, the poles move
-        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights: widest gap, smooth and small pole movement; edge points: 1
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of widest gaps, smooth pole movements, small pole movements
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -194,7 +194,7 @@ class _PeakSurface:
     def _misplaced(self, gaps: Floats) -> Bools:
         """Return (e,) True for seams whose widest gap lies between two points where OCCT measures gaps."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # largest (widest gap - gap at the samples) / widest gap; OCCT allows 1e-5
+        short = 3e-6  # OCCT's samples may miss at most this fraction of the widest gap; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         return np.asarray((sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT))
@@ -209,8 +209,8 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the index of OCCT's sample nearest to the widest of gaps (k,), and the wanted gap there; 0 for any gap."""
-    higher = 1.003  # in later rounds, wanted gap at OCCT's sample / widest gap of the round before
+    """Return the index of OCCT's sample nearest to the widest of gaps (k,), and the wanted gap; 0 accepts any gap."""
+    higher = 1.003  # in later rounds, the wanted gap is this factor times the widest gap of the previous round
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 

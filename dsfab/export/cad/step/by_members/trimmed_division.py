@@ -27,7 +27,7 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-TRIED = 24  # largest number of tried chords across a region; half of them begin where its surface has wide gaps
+TRIED = 24  # largest number of tried chords across a region; half begin where a fitted surface is far from the outline
 POINTS = 8  # number of points of the outline along half an edge
 
 
@@ -60,8 +60,8 @@ class HalvedOutline:
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Yield pairs of places (starts of half edges), the smaller first, whose chord lies well inside the outline.
-        The chords at the `worst` places (k,) are the first group, all others the second group.
-        Each group has at most `times * TRIED / 2` chords, sorted by length / area of the smaller part."""
+        Chords that end at the `worst` places (k,), with the widest gaps, are the first group, all others the second.
+        Each group has at most `times * TRIED / 2` chords, sorted by length / area of the smaller part of the region."""
         least_width = 1 / 20  # smallest width of a part / thickness; OCCT fails on narrower parts
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
@@ -72,7 +72,7 @@ class HalvedOutline:
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
         narrow = least_width * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
-        order = order[least[order] > narrow * long[order]]  # the area beside a chord is negative outside the outline
+        order = order[least[order] > narrow * long[order]]  # no narrow parts, and no chords outside the outline
         is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for group in (order[is_near], order[~is_near]):
             clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
@@ -96,12 +96,12 @@ TIMES = 3
 """Largest multiple of the usual number of seams. More seams are tried if parts still exceed a limit."""
 
 OUT, OFF = 1 / 150, 2.0
-"""Limits of a face that need not be divided. OUT : distance of poles outside the box / diagonal of the box.
-OFF : distance of the face from inner points / `limits.off`."""
+"""Limits of a face that need not be divided. OUT : distance of poles from the box, as a fraction of its diagonal.
+OFF : distance of the face from inner points, as a multiple of `limits.off`."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
 """Numbers of cubics that are tried for a seam; largest distance of the seam from the skins, divided by `limits.off`.
-If the distance from the mesh is limited, a seam is one cubic: OCCT then fails beside seams of several cubics."""
+If the distance from the mesh is limited, a seam is a single cubic. OCCT would fail beside a seam of several cubics."""
 
 
 def divided_faces(
@@ -171,7 +171,7 @@ class FaceDivision:
 
     def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
         """Divide a face with inner points (k, 6) by the first (`times` = 1) or best seam that improves both parts."""
-        less = 0.9  # largest `allowance_used` of the worse part / `allowance_used` of the whole face
+        less = 0.9  # `allowance_used` of each part must be below this fraction of the whole face's `allowance_used`
         loop, model = self.over_halves(face.loops[0]), self.model  # an earlier division may have halved an edge
         best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
@@ -199,8 +199,8 @@ class FaceDivision:
 
     def seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
         """Return the best seams across a region: the places of both ends on its outline, and the cubics (c, 4, 6)."""
-        full = 3  # number of possible seams, with the smallest errors, for which faces are built
-        many = 2000  # trials use about 2000 points of up to ten thousand
+        full = 3  # faces are usually built for the 3 seams with the smallest errors
+        many = 2000  # largest number of points in a trial
         at_gap = 4  # half of the tried seams begin at the four places with the widest gaps
         points = points[:: 1 + len(points) // many]
         distances = misfit(points, outline.line, TRIAL_DEGREE).reshape(-1, POINTS).max(axis=1)
@@ -238,7 +238,7 @@ class FaceDivision:
         return beyond is None or float(beyond(samples.reshape(-1, 3)).max()) <= 0
 
     def seam_loops(self, loop: ChainLoop, a: int, b: int, cubics: Floats) -> tuple[ChainLoop, ChainLoop]:
-        """Add a seam of cubics (c, 4, 6) from place a to place b to the model; returns the loops of both parts."""
+        """Add a seam of cubics (c, 4, 6) that divides a loop at places a and b; return the loops of the two parts."""
         steps, place_steps, model = list[tuple[int, bool]](), list[int](), self.model
         for i, step in enumerate(loop):
             place_steps.append(len(steps))

@@ -1,1 +1,1 @@
-"""Plan of a curved solid, its outlines, and both skins with limits, for smooth files and step = 'members'."""
+"""Plan of a curved solid, its outlines, and both skins with tolerances, for step = 'smooth' and step = 'members'."""

@@ -47,7 +47,7 @@ def crease_edges(surface: Surface) -> Bools:
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
     """Extend creases straight from their ends; return (e,) True for all edges of creases.
-    In each of its faces, an edge of an extension must bend far more than at least one edge beside it."""
+    An added edge bends far more than its neighbours: in both faces, at least one other side must bend far less."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
@@ -166,7 +166,7 @@ class CreaseSides:
         return np.asarray((low >= 0) & (on_edge | ((low == high) & np.isin(low, split))))
 
     def lines_on_creases(self, weights: csr_array, start: Ints, end: Ints) -> Bools:
-        """Return (e,) True if the line between rows `start` and `end` (e,) of weights lies on a crease."""
+        """Return (e,) True for lines on creases. start, end : (e,) rows in `weights` of the end points of the lines."""
         low, high = ends_of_rows(weights)
         n, is_on_edge = self.surface.n, (low[start] >= 0) & (low[end] >= 0)
         a, b = np.minimum(low[start], low[end]), np.maximum(high[start], high[end])
@@ -175,7 +175,7 @@ class CreaseSides:
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
-    """(k,) smallest and largest vertex of each row of weights; -1 for a row with more than two vertices."""
+    """Smaller and larger vertex (k,) of the edge with each point (a row of weights); -1 for a point inside a face."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     real = np.abs(weights.data) > ZERO_WEIGHT
     row, vertex = row[real], weights.indices[real].astype(np.int64)
@@ -256,7 +256,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        most_lift = 1 / 5  # largest lift from the mesh / thickness; `MOST_CHORD` limits chord errors
+        most_lift = 1 / 5  # largest distance from the mesh, divided by the thickness; `MOST_CHORD` limits chord errors
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
@@ -272,7 +272,7 @@ class Lifting:
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def vectors_to_skins(self, Q: Floats) -> Floats:
-        """Return (k, 6) vectors from point pairs (k, 6) to both skins, across the sheet at the middle of each pair."""
+        """Return (k, 6) vectors from point pairs (k, 6) to the outer and inner skin, perpendicular to the sheet."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
         is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # on a one-sided surface, skins may swap

@@ -130,7 +130,7 @@ def decimals(thickness: float) -> int:
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 
 
-MOST_CHORD = 1 / 4  # largest chord error / thickness; larger estimates occur at creases and are wrong
+MOST_CHORD = 1 / 4  # largest chord error, divided by the thickness; larger estimates at creases are wrong
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,7 @@ class SmoothLimits:
 
     @property
     def summary(self) -> str:
-        """Allowed distances as a part of a sentence; at coarse triangles and creases larger distances are allowed."""
+        """Phrase for a message: the allowed distances, and if necessary the larger distance at coarse triangles."""
         coarse = 2  # the message states the largest chord error if it exceeds twice the usual chord error
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
@@ -163,7 +163,7 @@ class SmoothLimits:
         return f"allowed: {self.distance:.2g} mm plus the mesh's own chord error, {usual_text}{coarsest_text}"
 
     def allowed_distances(self, points: Floats) -> Floats:
-        """(k,) allowed distances of points (k, 3), with the chord error of the triangle nearest to each point."""
+        """(k,) allowed distances of points (k, 3) from the mesh: `distance` plus the nearest triangle's chord error."""
         return np.asarray(self.distance + self.chord[self.nearest(points)])
 
     def nearest(self, points: Floats) -> Ints:

@@ -122,7 +122,7 @@ MOST_WALLS = 1500  # largest number of walls without a request for a smooth file
 
 @dataclass(frozen=True, eq=False)
 class SmoothSolid:
-    """Pieces of the sheet for one layout of charts. gate : judge of the pieces.    asked : pieces to build."""
+    """Pieces of the sheet for one layout of charts. gate : accepts or refuses pieces.    asked : pieces to build."""
 
     gate: PieceJudge
     builder: PieceBuilder
@@ -131,7 +131,7 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Plan for a part's smooth STEP file; raises ExportError for an unknown sheet, or too many walls (`hurry`)."""
+    """Plan for a smooth STEP file; raises ExportError for an unknown sheet, or more walls than `hurry` allows."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)

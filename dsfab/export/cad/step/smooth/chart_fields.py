@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
 CONE_SLACK = np.deg2rad(12.0)  # angle added to `cone`, because straight borders change the faces of charts
-REACH = 0.25  # diffusion length of the charts' fields, as a fraction of the radius of small charts
+REACH = 0.25  # diffusion length of the fields that define charts / radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",

@@ -295,7 +295,7 @@ class SkinChart:
     upper, lower, middle : surfaces of both skins, and the surface half way between them.
     tolerance    : tolerance of the fit; larger on a coarse mesh.
     steepest     : cosine of an angle between faces and the plane; 1 % of the faces have a larger angle.
-    off          : largest distance of a skin from its points."""
+    off          : largest distance of the skins from the inner points to which they were fitted."""
 
     origin: Floats
     axes: Floats
@@ -363,7 +363,7 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a field (n,) that divides a chart along its steepest direction; None if the chart is not too steep."""
+        """Return a field (n,) for halving a chart whose faces lean too far from its plane; None if they do not."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N

@@ -16,7 +16,7 @@ from dsfab.export.splines import Fitted, Spline, even_samples, segment_spline, s
 
 @dataclass(eq=False)
 class OutlineNodes:
-    """Positions of outline vertices in the planes of their charts, and points on both skins at ends of runs.
+    """Outline vertices in the planes of their charts, and points on both skins at ends of runs (parts of outlines).
     uv     : by chart, (n, 2) positions in its plane; nan for vertices outside of the chart.
     steep  : by chart, (n,) largest ratio of a length on the surface to its length in the plane; 1 or more.
     around : by vertex, its charts.
@@ -31,7 +31,7 @@ class OutlineNodes:
     gap: dict[int, float]
 
     def add(self, vertices: Ints) -> None:
-        """Add vertices (k,), each at the mean of its points on its charts."""
+        """Add points on both skins at vertices (k,). Each point is the mean over all charts of the vertex."""
         missing = [v for v in vertices.tolist() if v not in self.at]
         by_chart_number, positions = dict[int, list[int]](), dict[int, list[Floats]]({v: [] for v in missing})
         for v in missing:
@@ -64,7 +64,7 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
     return nodes
 
 
-LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a run's tolerance: at first, after one refusal, after two refusals
+LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors on a run's tolerance, if the run's curves were refused 0, 1 or 2 times
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class EdgeTolerances:
     chord: float
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
-        """Tolerance of the curve along `run` in the plane of its chart. level : number of earlier refusals."""
+        """Tolerance of the curve along `run` in the plane of its chart. level : how often the run was refused."""
         of_chord = 0.5  # fraction of the mesh's chord error that is added to the tolerance of an outline
         limit = min(OUTLINE_SHARE * self.distance + of_chord * self.chord, LOOP_SHARE * run.width)
         return LEVEL_FACTORS[level] * limit / steep
@@ -120,7 +120,7 @@ class RunRequest(NamedTuple):
 
 
 class RunPart(NamedTuple):
-    """Part of the `OutlineRun` of a request, and its curve in the plane of the chart."""
+    """Part of a chart's outline, and its curve in the plane of the chart. asked : request for the edges of the part."""
 
     asked: RunRequest
     flat: Spline
@@ -226,7 +226,7 @@ RunKey = tuple[int, int, int, int]  # first two and last two vertices of a run
 def seam_edges(
     requests: list[RunRequest], nodes: OutlineNodes, sheet: SheetOutline, allowed: EdgeTolerances
 ) -> list[SmoothEdge]:
-    """Fit one curve for both charts of each seam, half way between their skins."""
+    """Fit curves along each seam of two charts, on the upper and the lower skin, half way between the charts."""
     of_edge = 0.05  # tolerance of a curve between two charts / length of the longest mesh edge along the curve
     of_thickness = 1 / 1000  # tolerance of a seam in each chart / thickness
     runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
@@ -269,7 +269,7 @@ def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
 
 
 def run_key(run: OutlineRun) -> tuple[RunKey, bool]:
-    """Return a key for a part of an outline, equal on both sides of a seam, and True if `run` has its direction."""
+    """Return a key for a part of an outline, equal on both sides of a seam, and True if `run` follows the key."""
     v: Ints = run.vertices
     ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))
     back = (ahead[2], ahead[3], ahead[0], ahead[1])

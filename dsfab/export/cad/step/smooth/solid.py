@@ -95,7 +95,7 @@ class PieceBuilder:
         self._make(sheet.regions, {})
 
     def piece(self, number: int, level: dict[RunKey, int], traced: bool = False) -> SmoothPiece:
-        """Build a piece. level : how often the curves of each run were refused; traced : see `SmoothPiece`."""
+        """Build a piece. level : by part of its outlines, number of failed fits; traced : see `SmoothPiece`."""
         result, seams = SmoothPiece(traced=traced), dict[RunKey, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)
@@ -105,7 +105,7 @@ class PieceBuilder:
             area = [signed_loop_area(_polygon(result, loop, region.chart)) for loop in loops]
             order = sorted(range(len(loops)), key=lambda i: -area[i])
             if not loops or sum(a > 0 for a in area) != 1:
-                result.refused = "a part of it has no single outline in the plane of its chart"
+                result.refused = "a part of the sheet has no single outline in the plane of its chart"
             result.skins.append(SmoothSkin(region.chart, tuple(loops[i] for i in order)))
         if not any(edge.wall for edge in result.edges):
             result.refused = "it has no outline"
@@ -289,7 +289,7 @@ class SmoothText:
         return self.new.spline(curve.degree, through, _shared_knot_text(spans * curve.knots))
 
     def _wall(self, edge: SmoothEdge, poles: list[list[int]]) -> int:
-        """Add the ruled surface between an edge's curves; its normal points outwards, to the right of the curves."""
+        """Add the ruled surface between the upper and lower curve of an edge; its normal points right of the curves."""
         upper, lower = poles
         rows = map(list, zip(lower, upper, strict=True))
         knots = _shared_knot_text(edge.spans * edge.lower.knots)

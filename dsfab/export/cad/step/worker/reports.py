@@ -85,7 +85,7 @@ RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
-    """OCCT's findings about a solid, as in `pieces`; lengths in mm. Triangles of different faces share no vertices.
+    """OCCT's findings about a solid (see worker/pieces.py), in mm. Triangles of different faces share no vertices.
     bad : (k, 3) end points of edges that cross each other.    V, F : triangles of the solid."""
 
     valid: bool

@@ -24,7 +24,7 @@ def read(path: Path) -> Any:
         reader.TransferRoots()
         shape = reader.OneShape()
     if shape.IsNull():
-        raise ValueError("OCCT finds no shape in it")
+        raise ValueError("OCCT finds no shape in the file")
     return shape
 
 

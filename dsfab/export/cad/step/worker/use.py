@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from dsfab.export.cad.step.worker.shapes import bounds, compound, faces_of, gauss_kronrod_volume, is_valid, parts, read
 
-TOGETHER_LIMIT = 1e-5  # largest relative error of the volume of two halves, measured as one shape
+TOGETHER_LIMIT = 1e-5  # largest relative volume error of a cut solid, if its two halves are measured as one shape
 ALONE_LIMIT = 1e-4  # largest relative error of the volume of two halves, each measured alone
 
 PLANES = (
@@ -71,7 +71,7 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
 
 
 def sample(path: Path) -> dict[str, Any]:
-    """Return the result of a cut through the middle: `box`, `halves` (True if valid), `off` (volume error)."""
+    """Cut a shape through the middle; return its bounding `box`, `halves` (True if valid), and `off` (volume error)."""
     begin = time.process_time()
     shape = read(path)
     box = bounds(shape)
@@ -234,7 +234,7 @@ def fillet_counts(shape: Any) -> tuple[int, int]:
 
 
 def thickness_edges(shape: Any) -> list[tuple[Any, float]]:
-    """Return the sharp straight edges between the two skins, with their lengths. Most sharp edges have this length.
+    """Return the sharp straight edges between the two skins, with lengths: edges near the most frequent length.
     Edges that smoothly continue other edges are excluded, because they lie between skin and wall."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
