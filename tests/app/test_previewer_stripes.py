@@ -168,7 +168,7 @@ def test_division_of_faces_does_not_change_the_lighting(dome: Design) -> None:
 
 
 def test_a_design_without_modes_refuses_to_show_a_mode(dome: Design) -> None:
-    with pytest.raises(DsfabError, match="needs pattern.method = 'modes'"):
+    with pytest.raises(DsfabError, match=r"needs pattern.method = 'modes'"):
         Previewer(dome, show="major_mode")
     assert "major_mode" not in picture_names("all", dome.preset)
     assert "minor_mode" in picture_names("modes", dome.preset)  # who asks is told why not
