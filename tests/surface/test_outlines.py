@@ -105,7 +105,7 @@ def test_mistakes_in_a_preset_name_their_key():
 
 
 def test_a_polygon_beside_the_surface_says_how_far():
-    with pytest.raises(SurfaceError, match="picks no vertex; the nearest vertex is 4 m outside"):
+    with pytest.raises(SurfaceError, match="picks no vertex; the nearest vertex is 4 m out of reach"):
         PlanPolygon(((5, 0), (6, 0), (6, 1), (5, 1))).vertices(PLATE)
 
 
