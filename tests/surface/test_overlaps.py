@@ -329,8 +329,6 @@ def test_closed_parts_with_one_common_corner_stay_as_they_are():
     mesh = mended_mesh(V, F)
     assert mesh.repairs == ()
     assert len(mesh.F) == 8
-    with pytest.raises(SurfaceError, match=r"parts touch in a point inside the surface \(first: vertex 0\); join"):
-        oriented_surface(mesh.V, mesh.F)
 
 
 def test_open_cones_tip_to_tip_are_not_called_closed():
