@@ -1,4 +1,4 @@
-"""Writers of a mesh with all digits of its numbers, by the suffix of the file; V is in the unit of the file."""
+"""Writers of a mesh with all digits of its numbers, by the suffix of the file; in IFC files V is in metres, in others in the file's unit."""
 
 from tests.surface.named_files import dxf_file, ifc_element, ifc_model, rhino_file
 from tests.surface.test_inventory import archive, mesh_text, model
@@ -20,10 +20,9 @@ def threemf_file(path, V, F, unit="meter"):
     archive(path, model([("", mesh_text(V, F=F))], '<item objectid="1"/>', f'unit="{unit}"'))
 
 
-def ifc_roof_file(path, V, F, metres=1.0, **unit):
-    """An IFC file. V : in metres / `metres`.    unit : keys of `ifc_model`."""
+def ifc_roof_file(path, V, F, **unit):
     building, body, (top, _) = ifc_model(**unit)
-    ifc_element(building, body, top, "IfcRoof", "Roof", (metres * V, F))
+    ifc_element(building, body, top, "IfcRoof", "Roof", (V, F))
     building.write(str(path))
 
 

@@ -29,8 +29,7 @@ def test_a_vault_with_both_diagonals_is_as_large_in_each_unit(suffix, metres, tm
     if suffix == "3mf":
         threemf_file(path, VAULT / metres, F, {1.0: "meter", 1e-3: "millimeter", 0.0254: "inch"}[metres])
     else:
-        unit = {1.0: {}, 1e-3: {"prefix": "MILLI"}, 0.0254: {"unit": "inch"}}[metres]
-        ifc_roof_file(path, VAULT / metres, F, metres, **unit)
+        ifc_roof_file(path, VAULT, F, **{1.0: {}, 1e-3: {"prefix": "MILLI"}, 0.0254: {"unit": "inch"}}[metres])
     assert raw_mesh(path).metres == metres
     surface = read_surface(path, mend=True)
     assert surface.m == 2 * len(QUADS)

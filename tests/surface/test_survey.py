@@ -22,7 +22,6 @@ from tests.surface.mesh_writers import WRITERS
 from tests.surface.named_files import read_in_this_process
 from tests.surface.test_inventory import FAR, glb, rhino_mesh
 
-
 FLAT = grid(8, 6, 12.0, 8.0)
 X, Y, _ = FLAT.V.T
 NEAR = Surface(np.round(np.c_[X, Y, 3 * (1 - (Y / 4 - 1) ** 2) + 0.02 * (X - 6) * (Y - 4)] * 1024) / 1024, FLAT.F)
