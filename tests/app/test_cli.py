@@ -132,7 +132,6 @@ def test_inspect_lists_sizes_in_several_units_if_a_file_names_no_unit(capsys, tm
     (tmp_path / "room.obj").write_text(V)
     _, out, _ = run(capsys, "inspect", str(tmp_path / "room.obj"))
     assert propose(tmp_path / "room.obj").preset.surface.unit == "cm"
-    assert "size         3.15 m x 2.36 m x 1.18 m (read as cm)" in out
     assert "likely unit  cm; --unit mm: 315 mm x 236 mm x 118 mm; --unit m: 315 m x 236 m x 118 m; " in out
     assert "; --unit in: 8 m x 5.99 m x 3 m; --unit ft: 96 m x 71.9 m x 36 m\n" in out
     (tmp_path / "room.obj").write_text("# File units = feet\n" + V)

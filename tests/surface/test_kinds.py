@@ -24,7 +24,6 @@ def within(monkeypatch):
 @pytest.mark.parametrize("metres", [1.0, 1e-3, 0.0254])
 @pytest.mark.parametrize("suffix", ["3mf", "ifc"])
 def test_a_vault_with_both_diagonals_is_as_large_in_each_unit(suffix, metres, tmp_path):
-    """Each third quad also along its other diagonal, from the other side."""
     F, path = np.vstack([halves(QUADS), halves(QUADS[::3], other=True)[:, ::-1]]), tmp_path / f"vault.{suffix}"
     if suffix == "3mf":
         threemf_file(path, VAULT / metres, F, {1.0: "meter", 1e-3: "millimeter", 0.0254: "inch"}[metres])
@@ -53,7 +52,6 @@ def test_closed_parts_with_one_common_corner_are_refused_in_each_format(suffix, 
 
 
 def mirrored_instances(folder):
-    """GPU instances, a mirrored node in a mirrored node, and a block in a mirrored block."""
     extension = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2, "SCALE": 3}}}
     numbers = {"TRANSLATION": [[0, 0, 0], [9, 0, 0]], "SCALE": [[1, 1, 1], [-1, 1, 1]]}
     yield glb(folder / "instances.glb", [{"extensions": extension}], extension, **numbers)
@@ -82,7 +80,6 @@ def test_a_hidden_object_of_a_3dm_file_is_named(tmp_path):
 
 
 def test_shapes_that_dsfab_does_not_read_are_named(tmp_path):
-    """Free-form surfaces of OBJ, skins and morph targets of glTF."""
     WRITERS["obj"](path := tmp_path / "roof.obj", ROOF.V, ROOF.F)
     path.write_text(path.read_text() + "cstype bspline\ndeg 1 1\nsurf 0 1 0 1 1 2 3 4\nend\ncurv 0 1 1 2\nend\n")
     assert dropped(path) == "1 curve; 1 free-form surface"
