@@ -1,4 +1,4 @@
-"""Writers of a mesh with all digits of its numbers, by the suffix of the file. In IFC files V is in metres, else in any unit."""
+"""Writers of a mesh with all digits of its numbers, by the suffix of the file; V is in metres for IFC."""
 
 from tests.surface.named_files import dxf_file, ifc_element, ifc_model, rhino_file
 from tests.surface.test_inventory import archive, mesh_text, model

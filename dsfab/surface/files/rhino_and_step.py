@@ -151,8 +151,8 @@ class _DrawnObjects:
             self.layers[layer.Index] = ("::".join(names[::-1]), *names)
             if not all(entry.Visible for entry in chain):
                 self.hidden.add(layer.Index)
-        used = {thing.Attributes.LayerIndex for thing in model.Objects} - self.hidden
-        self.outermost = {self.layers[index][-1] for index in used & self.layers.keys()}
+        filled = {thing.Attributes.LayerIndex for thing in model.Objects} - self.hidden
+        self.outermost = {self.layers[index][-1] for index in filled & self.layers.keys()}
         self.counts = Counter[Content]()
 
     def surfaces(self) -> Iterator[tuple[tuple[str, ...], tuple[Any, list[Any] | None, Floats]]]:
@@ -161,8 +161,8 @@ class _DrawnObjects:
             meshes, name = _meshes(thing), type(thing).__name__
             if meshes or meshes is None:
                 inner = names[0].count("::")  # an inner layer with the name of an outermost layer needs its path
-                own = (name for k, name in enumerate(names[1:]) if k >= inner or name not in self.outermost)
-                yield (names[0], *own), (thing, meshes, place)
+                selectable = (name for k, name in enumerate(names[1:]) if k >= inner or name not in self.outermost)
+                yield (names[0], *selectable), (thing, meshes, place)
             else:
                 kind = _KINDS.get(name, f"{name} object")
                 self.counts[mark(kind, names[1]) if name in _KINDS else Content(kind, "dropped")] += 1
