@@ -129,8 +129,8 @@ def _show_mesh(path: Path, source: Source) -> bool:
     from dsfab.surface import DEFAULT_TRIANGLES, mesh_facts, raw_mesh
 
     raw = raw_mesh(path, source.max_triangles or DEFAULT_TRIANGLES, source.unit, source.only)
-    facts = mesh_facts(path, raw, source.unit)
-    accepted, verdict = _verdict(path, source, raw)
+    accepted, verdict, built_unit = _verdict(path, source, raw)
+    facts = mesh_facts(path, raw, built_unit if raw.unit is None else source.unit)
     print_result(str(path))
     rows = [(label, value) for label, value in [*_fact_rows(facts), ("build", verdict)] if value]
     width = max(len(label) for label, _ in rows)
@@ -138,20 +138,22 @@ def _show_mesh(path: Path, source: Source) -> bool:
     return accepted
 
 
-def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
+def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str | None]:
+    """Return whether `dsfab build` takes a mesh, with a text, and the unit that it takes for the file's numbers."""
     from dsfab.preset.proposal import propose
 
     try:
         proposal = propose(path, source.unit, source.up, None, source.max_triangles, raw, source.wishes)
     except (SurfaceError, PresetError) as error:
-        return False, "refuses it: " + str(error).removeprefix(f"{path}: ")
+        return False, "refuses it: " + str(error).removeprefix(f"{path}: "), source.unit
+    unit = proposal.given.choice.unit
     choices = {decision.topic: decision.choice for decision in proposal.decisions}
     if "pieces" in choices:
-        return False, "refuses it: " + choices["pieces"]
+        return False, "refuses it: " + choices["pieces"], unit
     mended = [decision.choice for decision in proposal.decisions if decision.topic == "mended"]
     turned = [text for text in proposal.given.repaired if "turned over" in text]
     sheets = [decision.choice for decision in proposal.decisions if decision.topic == "sheets"]
-    return True, "; ".join(["takes it", *(f"it mends: {text}" for text in mended), *turned, *sheets])
+    return True, "; ".join(["takes it", *(f"it mends: {text}" for text in mended), *turned, *sheets]), unit
 
 
 def _unit_words(facts: "MeshFacts") -> str:
@@ -160,7 +162,7 @@ def _unit_words(facts: "MeshFacts") -> str:
     if facts.unit_said:
         doubt = size_doubt(facts.box, facts.unit) if facts.unit == facts.unit_guess else ""
         return f"{facts.unit_guess}, as the file says{doubt}"
-    return "; ".join([facts.unit_guess, *sizes_in_other_units(facts.box, facts.unit)])
+    return "; ".join([facts.unit, *sizes_in_other_units(facts.box, facts.unit)])
 
 
 def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:

@@ -22,6 +22,7 @@ from dsfab.core.errors import DsfabError, PresetError
 from dsfab.core.toml_files import shipped_presets
 from dsfab.export import FORMATS
 from dsfab.preset.file import load_preset
+from dsfab.preset.proposal import propose
 from dsfab.surface.files import mesh_files
 from tests.app.command_line import refused, run
 from tests.presets import DOME_MODES, GLOBE_MODES, ROOF_MODES
@@ -130,7 +131,8 @@ def test_inspect_lists_sizes_in_several_units_if_a_file_names_no_unit(capsys, tm
     V = "v 0 0 0\nv 315 0 0\nv 315 236 0\nv 0 236 118\nf 1 2 3\nf 1 3 4\n"
     (tmp_path / "room.obj").write_text(V)
     _, out, _ = run(capsys, "inspect", str(tmp_path / "room.obj"))
-    assert "likely unit  mm; --unit mm: 315 mm x 236 mm x 118 mm; --unit cm: 3.15 m x 2.36 m x 1.18 m; " in out
+    assert propose(tmp_path / "room.obj").preset.surface.unit == "cm"
+    assert "likely unit  cm; --unit mm: 315 mm x 236 mm x 118 mm; --unit m: 315 m x 236 m x 118 m; " in out
     assert "; --unit in: 8 m x 5.99 m x 3 m; --unit ft: 96 m x 71.9 m x 36 m\n" in out
     (tmp_path / "room.obj").write_text("# File units = feet\n" + V)
     _, out, _ = run(capsys, "inspect", str(tmp_path / "room.obj"))

@@ -70,6 +70,7 @@ def test_an_unknown_name_is_refused_with_the_nearest_names_first(name, tmp_path)
     [
         ("layer.3dm", lambda path: rhino_file(path, layers=[("Top", None), ("Roof", 0), ("Walls", None)]), "Top"),
         ("path.3dm", lambda path: rhino_file(path, layers=[("Top", None), ("Roof", 0), ("Walls", 0)]), "Top::Roof"),
+        ("outer.3dm", lambda path: rhino_file(path, layers=[("Top", None), ("Roof", None), ("Roof", 0)]), "Roof"),
         ("object.3dm", rhino_file, "Roof object"),
         ("block.3dm", lambda path: rhino_file(path, block="bay"), "bay"),
         ("block.dxf", lambda path: dxf_file(path, block="bay"), "bay"),

@@ -8,6 +8,7 @@ import numpy as np
 
 from dsfab.app.hops.protocol import HopsComponent, HopsError, HopsParameter, HopsRequest
 from dsfab.core.arrays import Floats
+from dsfab.core.messages import coordinates
 from dsfab.core.toml_files import TomlError, toml_table
 from dsfab.design import Design
 from dsfab.design.output import design_lines
@@ -16,7 +17,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal import preset_for
 from dsfab.study import METRICS
-from dsfab.surface.clean.seams import equal_merged
+from dsfab.surface import Surface
 from dsfab.workshop import workshop_plan
 
 INPUTS = (
@@ -39,8 +40,7 @@ _DESIGNS: OrderedDict[str, Design] = OrderedDict()
 
 def preset_of_request(request: HopsRequest) -> Preset:
     """Return the preset that dsfab proposes for the mesh, changed by the other inputs. Raises DsfabError."""
-    mesh = request.values["mesh"]
-    proposed = preset_for(equal_merged(mesh.V, mesh.F), unit=request.unit, up="z")
+    proposed = preset_for(Surface(request.surface.V - request.origin, request.surface.F), up="z")
     return with_overrides(proposed, dict(_changes(request, proposed)))
 
 
@@ -48,7 +48,7 @@ def _changes(request: HopsRequest, proposed: Preset) -> Iterator[tuple[str, Any]
     values, metre = request.values, request.metre
     if values["supports"]:
         reach = 2 * float(getattr(proposed.surface, "edge", 0.0)) or 1e-3  # twice the edge of the mesh, metres
-        feet = [[metre * x for x in point] for point in values["supports"]]
+        feet = [(metre * np.array(point) - request.origin).tolist() for point in values["supports"]]
         pickers = [{"pick": "ball", "center": foot, "radius": reach} for foot in feet]
         supports = [{"at": picker, "hold": "xyz", "name": f"foot {k}"} for k, picker in enumerate(pickers, 1)]
         yield "surface.support", supports
@@ -91,12 +91,15 @@ def design_of_request(request: HopsRequest) -> Design:
 def _note_texts(design: Design, request: HopsRequest) -> list[str]:
     """Return a description of the mesh, and the notes on the design."""
     mesh = request.values["mesh"]
-    return [f"taken: {', '.join(thing.text for thing in mesh.content)}", *(note.text for note in design.notes)]
+    taken = [f"taken: {', '.join(thing.text for thing in mesh.content)}"]
+    if request.origin.any():
+        taken.append(f"lines of a preset count coordinates from {coordinates(request.origin.tolist())} m of the model")
+    return [*taken, *(note.text for note in design.notes)]
 
 
 def _curves_and_names(design: Design, kind: str, request: HopsRequest) -> tuple[list[str], list[str]]:
     lines_of_kind = [line for line in design_lines(design, design.preset.statics.thickness / 40) if line.kind == kind]
-    return [polyline_json(line.points / request.metre) for line in lines_of_kind], [line.id for line in lines_of_kind]
+    return [polyline_json(request.in_model(line.points)) for line in lines_of_kind], [line.id for line in lines_of_kind]
 
 
 def solve_structure(request: HopsRequest) -> Sequence[Any]:
@@ -105,7 +108,7 @@ def solve_structure(request: HopsRequest) -> Sequence[Any]:
     lines, names = _curves_and_names(design, "centre", request)
     edges, _ = _curves_and_names(design, "edge", request)
     stiffness = float(METRICS["compliance_quick"](design))
-    solid = mesh_json(design.solid.V / request.metre, design.solid.F)
+    solid = mesh_json(request.in_model(design.solid.V), design.solid.F)
     return solid, lines, edges, names, stiffness, float(design.mass), _note_texts(design, request)
 
 
@@ -113,14 +116,14 @@ def solve_preview(request: HopsRequest) -> Sequence[Any]:
     """Return the cut sheet, its centre lines, and notes. The solid is not computed, which saves time."""
     design = design_of_request(request).until("slicing")
     sheet, lines = design.sheet.surface, _curves_and_names(design, "centre", request)[0]
-    return mesh_json(sheet.V / request.metre, sheet.F), lines, _note_texts(design, request)
+    return mesh_json(request.in_model(sheet.V), sheet.F), lines, _note_texts(design, request)
 
 
 def solve_members(request: HopsRequest) -> Sequence[Any]:
     """Return the axes of all members, with names, lengths and mean widths."""
     graph = design_of_request(request).until("slicing").members
     with_axis = [member for member in graph.members if member.axis is not None]
-    axes = [polyline_json(member.axis.P / request.metre) for member in with_axis if member.axis is not None]
+    axes = [polyline_json(request.in_model(member.axis.P)) for member in with_axis if member.axis is not None]
     lengths = [float(member.length / request.metre) for member in with_axis]
     widths = [float(member.width.mean() / request.metre) for member in with_axis]
     return axes, [member.id for member in with_axis], lengths, widths

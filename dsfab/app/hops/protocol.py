@@ -7,10 +7,17 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
+import numpy as np
+
+from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError
 from dsfab.core.units import METRES_PER
+from dsfab.preset.proposal import origin_near
+from dsfab.surface import Surface
+from dsfab.surface.clean.seams import equal_merged
 from dsfab.surface.files.reading import declared_unit
 from dsfab.surface.files.rhino_and_step import read_rhino_json
 
@@ -99,6 +106,21 @@ class HopsRequest:
     def metre(self) -> float:
         """Metres in one unit of the request's lengths."""
         return METRES_PER[self.unit]
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The mesh in the coordinates of the model, metres. Raises SurfaceError for an invalid mesh."""
+        mesh = self.values["mesh"]
+        return Surface.from_mesh(*equal_merged(mesh.V, mesh.F), self.unit)
+
+    @cached_property
+    def origin(self) -> Floats:
+        """Origin (3,) of the design in the model, metres; 0 unless the mesh has survey coordinates."""
+        return np.array(origin_near(self.surface))
+
+    def in_model(self, points: Floats) -> Floats:
+        """Return points (k, 3) of the design, metres, in the coordinates and the unit of the model."""
+        return np.asarray((points + self.origin) / self.metre)
 
 
 def read_request(component: HopsComponent, body: Mapping[str, Any]) -> HopsRequest:

@@ -8,9 +8,9 @@ decisions  the whole proposal"""
 
 from dsfab.preset.proposal.decisions import OWN, Proposal, preset_for, propose
 from dsfab.preset.proposal.loads import MeshWishes
-from dsfab.preset.proposal.reading import Decision, preset_name, size_doubt, sizes_in_other_units
+from dsfab.preset.proposal.reading import Decision, origin_near, preset_name, size_doubt, sizes_in_other_units
 
 __all__ = [
-    "OWN", "Decision", "MeshWishes", "Proposal", "preset_for", "preset_name", "propose", "size_doubt",
-    "sizes_in_other_units",
+    "OWN", "Decision", "MeshWishes", "Proposal", "origin_near", "preset_for", "preset_name", "propose",
+    "size_doubt", "sizes_in_other_units",
 ]  # fmt: skip

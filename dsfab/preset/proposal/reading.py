@@ -159,7 +159,7 @@ def mesh_in_file(
     if chosen.best.up != "z":
         keys["up"] = chosen.best.up
     decisions.append(turned)
-    origin = _origin(surface)
+    origin = origin_near(surface)
     if any(origin):
         keys["origin"] = list(origin)
         surface = Surface(surface.V - origin, surface.F)
@@ -234,7 +234,7 @@ def _with_z_up(surface: Surface, chosen: SupportChoice, option: Up | None) -> tu
     return turned, Decision("up", words, change)
 
 
-def _origin(surface: Surface) -> tuple[float, ...]:
+def origin_near(surface: Surface) -> tuple[float, ...]:
     """Return an origin in whole metres near the lowest corner of a surface; 0 if the coordinates are small."""
     low = surface.V.min(axis=0)
     # at such distances, single precision (STL) rounds coordinates to 1/100 000 of the size

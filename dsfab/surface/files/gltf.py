@@ -204,9 +204,10 @@ def _scene(
         scene.count_unused()
     except (KeyError, TypeError, AttributeError, IndexError):
         raise MalformedFileError("an entry of the file's JSON is missing or of the wrong kind") from None
-    V, F = equal_merged(V, F) if len(F) else (V, F)
+    V = upright_vertices(V, "y")
+    V, F = equal_merged(V, F) if len(F) else (V, F)  # after the turn, so that the order is that of other formats
     doubts = doubts if tree.get("scenes") else (*doubts, "the file names no scene: all its objects are taken")
-    return TriangleFile(upright_vertices(V, "y"), F, "m", doubts, dropped, contents(scene.counts))
+    return TriangleFile(V, F, "m", doubts, dropped, contents(scene.counts))
 
 
 @dataclass(frozen=True)

@@ -136,6 +136,7 @@ class _DrawnObjects:
     layers        : names of each layer by its number: its path `A::B`, its own name, then those of the layers above.
     hidden        : numbers of the hidden layers, and of layers within them.
     hidden_layers : true to include the objects on hidden layers.
+    outermost     : names of the layers with visible objects that lie in no other layer.
     counts        : number of block insertions and hidden objects."""
 
     def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
@@ -150,6 +151,8 @@ class _DrawnObjects:
             self.layers[layer.Index] = ("::".join(names[::-1]), *names)
             if not all(entry.Visible for entry in chain):
                 self.hidden.add(layer.Index)
+        filled = {thing.Attributes.LayerIndex for thing in model.Objects} - self.hidden
+        self.outermost = {self.layers[index][-1] for index in filled & self.layers.keys()}
         self.counts = Counter[Content]()
 
     def surfaces(self) -> Iterator[tuple[tuple[str, ...], tuple[Any, list[Any] | None, Floats]]]:
@@ -157,7 +160,9 @@ class _DrawnObjects:
         for names, thing, place, _ in self.all():
             meshes, name = _meshes(thing), type(thing).__name__
             if meshes or meshes is None:
-                yield names, (thing, meshes, place)
+                inner = names[0].count("::")  # an inner layer with the name of an outermost layer needs its path
+                selectable = (name for k, name in enumerate(names[1:]) if k >= inner or name not in self.outermost)
+                yield (names[0], *selectable), (thing, meshes, place)
             else:
                 kind = _KINDS.get(name, f"{name} object")
                 self.counts[mark(kind, names[1]) if name in _KINDS else Content(kind, "dropped")] += 1

@@ -59,7 +59,7 @@ def read_cad(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFi
         require_ifc()
     mesh = foreign_triangles("ifc" if is_ifc else "cad", path, budget, only)
     V, became = merged_vertices(mesh.V, 1e-7)  # faces give slightly different points on a common edge
-    F = became[mesh.F]
+    V, F = equal_merged(V, became[mesh.F])  # sorts the vertices, as readers of other formats do
     is_triangle = (np.roll(F, 1, axis=1) != F).all(axis=1)
     return replace(mesh, V=V, F=F[is_triangle])
 
