@@ -85,6 +85,15 @@ def test_the_user_names_what_holds_a_surface():
             propose(surface, wishes=MeshWishes(word))
 
 
+def test_without_any_way_of_support_the_message_blames_no_option():
+    with pytest.raises(
+        PresetError, match="no way to hold the surface is plausible; choose with --stand: a height over"
+    ):
+        choice(MEANT["groin"].surface, {}, "m")
+    with pytest.raises(PresetError, match="--stand feet: the surface has no such place; use a height over its lowest"):
+        choice(MEANT["groin"].surface, {}, "m", "feet")
+
+
 @pytest.mark.parametrize(
     ("name", "built_in"), [("slab", False), ("cupola", False), ("wall", True), ("oval ring", False)]
 )

@@ -169,7 +169,7 @@ def test_invisible_parts_of_a_step_file_are_ignored_and_counted(tmp_path, within
 
 def test_a_step_file_with_invisible_parts_only_is_refused(tmp_path, within):
     path = hide_parts(step_file(tmp_path / "roof.step"), (3000, 5000))
-    with pytest.raises(SurfaceError, match="it has no faces, only curves or points; ignored: 2 hidden objects"):
+    with pytest.raises(SurfaceError, match="it has no shapes; ignored: 2 hidden objects"):
         raw_mesh(path)
 
 

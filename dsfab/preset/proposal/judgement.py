@@ -265,8 +265,10 @@ def _readings(shape: Shape, stand: str) -> list[SupportReading]:
 
 
 def _no_word(stand: str, candidates: Sequence[SupportReading]) -> str:
-    words = ", ".join(dict.fromkeys(reading.word for reading in candidates))
-    return f"--stand {stand}: the surface has no such place; use {words}, or a height over its lowest point in metres"
+    words = "".join(f"{word}, " for word in dict.fromkeys(reading.word for reading in candidates))
+    fault = f"--stand {stand}: the surface has no such place" if stand else "no way to hold the surface is plausible"
+    option = "use" if stand else "choose with --stand:"
+    return f"{fault}; {option} {words}{'or ' if words else ''}a height over its lowest point in metres"
 
 
 def _flaw(candidate: JudgedReading) -> str:
