@@ -294,6 +294,10 @@ def test_foreign_readers_run_in_a_process_whose_crash_is_reported(tmp_path, monk
         SurfaceError, match=r"plane.step cannot be read as STEP .it is damaged: OCCT stops while reading it"
     ):
         read_surface(step)
+    endless = "from dsfab.surface.files.separate_process import _limit; _limit(1, 1 << 32)\nwhile True: 1"
+    monkeypatch.setattr(separate_process, "PROGRAM", endless)
+    with pytest.raises(SurfaceError, match=r"plane.step: OCCT needs more than 60 s of processor time for it; make it"):
+        read_surface(step)
     monkeypatch.setattr(separate_process, "PROGRAM", "import time; time.sleep(30)")
     monkeypatch.setitem(separate_process.SECONDS, "cad", -239.9)
     with pytest.raises(SurfaceError, match="reading took more than 240 s; export it as a mesh"):
