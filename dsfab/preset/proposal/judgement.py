@@ -87,7 +87,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
         span = min(span, 2 * shape.width)  # a very long span does not allow more movement
     moved = float(np.quantile(lengths(answer.u), 0.99))
     stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
-    used = max(moved / (LIMIT * span), stress / STRENGTH)
+    used = max(moved / (LIMIT * span) if span else 0.0, stress / STRENGTH)  # without span, all is supported
     steady = _steadiness(shape, reading, supported, _upward(reading, surface, rows, answer.reaction), is_line)
     rim = surface.edge_lengths * surface.edges.boundary
     share = float(rim[supported[surface.edges.ends].all(axis=1)].sum() / rim.sum())
