@@ -90,7 +90,8 @@ def _program_output(kind: str, path: Path, timeout: float, only: Sequence[str] =
         words = f"{LIBRARIES[kind]} needs more than {seconds} s of processor time for it"
         raise SurfaceError(f"{words}; make it simpler, or export it as a mesh")
     if process.returncode:
-        raise MalformedFileError(f"it is damaged: {LIBRARIES[kind]} stops while reading it")
+        words = f"it is damaged, or needs more than {MEMORY[kind] // GIB} GiB of memory"
+        raise MalformedFileError(f"{words}: {LIBRARIES[kind]} stops while reading it")
     return process.stdout
 
 
