@@ -8,7 +8,7 @@ import pytest
 from dsfab.app.cli import main
 from dsfab.core.errors import PresetError
 from dsfab.preset.proposal import MeshWishes, propose
-from dsfab.preset.proposal.judgement import choice, likely_units
+from dsfab.preset.proposal.judgement import choice, judgement, likely_units
 from dsfab.preset.proposal.readings import readings
 from dsfab.preset.proposal.shape import Shape
 from dsfab.surface import Boundary, Surface
@@ -83,6 +83,25 @@ def test_the_user_names_what_holds_a_surface():
     for word in ("loops", "-1", "nan"):
         with pytest.raises(PresetError, match=f"--stand {word}: the surface has no such place; use feet, "):
             propose(surface, wishes=MeshWishes(word))
+
+
+def test_a_sheet_that_is_supported_everywhere_has_a_score():
+    """Places may cover a small sheet, of whose span nothing remains."""
+    roof = Shape(grid(4, 4, 2.0, 2.0))
+    reading = readings(roof)[0]
+    place = replace(reading.places[0], loop=None, is_loop=False, length=0.0, radius=10.0)
+    everywhere = replace(reading, places=(place,))
+    assert everywhere.vertices(roof.surface).all()
+    assert judgement(roof, everywhere).figures["used"] < 1
+
+
+def test_without_any_way_of_support_the_message_blames_no_option():
+    with pytest.raises(
+        PresetError, match="no way to hold the surface is plausible; choose with --stand: a height over"
+    ):
+        choice(MEANT["groin"].surface, {}, "m")
+    with pytest.raises(PresetError, match="--stand feet: the surface has no such place; use a height over its lowest"):
+        choice(MEANT["groin"].surface, {}, "m", "feet")
 
 
 @pytest.mark.parametrize(

@@ -238,6 +238,15 @@ def test_an_external_reference_is_named(tmp_path):
     assert dropped(path) == "1 external reference 'other', whose content is elsewhere"
 
 
+def test_a_drawing_with_an_external_reference_only_names_it(tmp_path):
+    document, path = dxf(tmp_path / "roof.dxf")
+    document.add_xref_def("other.dxf", "other")
+    document.modelspace().add_blockref("other", (0, 0))
+    document.saveas(path)
+    with pytest.raises(SurfaceError, match="polyface; ignored: 1 external reference 'other', whose content is else"):
+        raw_mesh(path)
+
+
 def test_marks_on_a_hidden_dxf_layer_are_ignored_but_a_named_layer_is_read(tmp_path):
     document, path = dxf(tmp_path / "roof.dxf", "support", "void")
     document.layers.get("support").off()
@@ -327,6 +336,26 @@ def test_gltf_1_is_named(version, tmp_path):
         raw_mesh(written(tmp_path / "old.glb", data))
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("KHR_technique_webgl", ""),
+        ("KHR_draco_mesh_compression", "KHR_draco_mesh_compression: export it without compression"),
+        ("ADESK_bend", "it needs the extension ADESK_bend: export it without this extension"),
+    ],
+)
+def test_a_required_extension_is_read_or_the_remedy_fits(name, words, tmp_path):
+    path = glb(tmp_path / "roof.glb", [{}], [name])
+    file = pygltflib.GLTF2().load(str(path))
+    file.extensionsRequired = [name]
+    file.save(str(path))
+    if words:
+        with pytest.raises(SurfaceError, match=words):
+            raw_mesh(path)
+    else:
+        assert read_surface(path).area == pytest.approx(AREA)
+
+
 # ---- 3MF ----
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
@@ -373,6 +402,24 @@ def test_every_object_of_a_3mf_file_is_accounted_for(tmp_path):
     assert "1 object of the type 'other'" in record.dropped
     assert "1 object without a place on the build plate" in record.dropped
     assert describe(path).area == pytest.approx(3 * AREA)
+
+
+def test_a_3mf_file_may_require_the_extension_for_materials(tmp_path):
+    space = 'xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02" requiredextensions="m"'
+    text = model([("", mesh_text())], '<item objectid="1"/>', f'unit="meter" {space}')
+    assert read_surface(archive(tmp_path / "roof.3mf", text)).area == pytest.approx(AREA)
+
+
+def test_the_root_model_of_a_3mf_file_may_have_any_suffix(tmp_path):
+    """The relationship names the part, and decides between two models [Open Packaging Conventions]."""
+    kind, path = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel", tmp_path / "roof.3mf"
+    with zipfile.ZipFile(path, "w") as packed:
+        packed.writestr(
+            "_rels/.rels", f"<Relationships><Relationship Type='{kind}' Target='/3D/roof.xyz'/></Relationships>"
+        )
+        packed.writestr("3D/other.model", model([("", mesh_text(5 * ROOF.V))], '<item objectid="1"/>'))
+        packed.writestr("3D/roof.xyz", model([("", mesh_text())], '<item objectid="1"/>'))
+    assert read_surface(path).area == pytest.approx(AREA)
 
 
 def test_modifiers_of_slicers_are_ignored_and_named(tmp_path):
@@ -459,6 +506,14 @@ def test_only_ply_elements_with_records_are_dropped(count, tmp_path):
     assert dropped(path) == count * "1 record of the element 'edge'"
 
 
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_the_first_word_of_a_ply_file_may_be_upper_case(mark, tmp_path):
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"PLY\nformat ascii 1.0\nelement vertex 3\n{axes}element face 1\nproperty list uchar int vertex_indices\n"
+    path = written(tmp_path / "roof.ply", f"{mark}{head}end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n".encode())
+    assert read_surface(path).area == pytest.approx(0.5)
+
+
 def test_only_obj_groups_with_faces_are_counted(tmp_path):
     text = "g line\nv 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2\no roof\ng tiles\nf 1 2 3\ng\ng tiles\nf 2 1 3\n  g g\nf 3 1 2\n"
     assert content(written(tmp_path / "roof.obj", text))["group", "taken"] == 2
@@ -479,6 +534,32 @@ def test_faces_and_curves_of_step_files_are_counted_as_build123d_counts_them(tmp
         assert counts["solid", "taken"] == len(whole.solids()) == 1
         assert counts["curve", "beside"] == 1
         assert raw_mesh(path).record.other_words == "1 curve"
+
+
+def assembly_with_other_files(path, shape):
+    """STEP file of a shape and of parts in two other files, one of them twice [AP 214, external references]."""
+    pytest.importorskip("build123d").export_step(shape, str(path))
+    lines = [
+        f"#{number}=APPLIED_EXTERNAL_IDENTIFICATION_ASSIGNMENT('{name}',#{number + 1},#{number + 2},(#{number + 3}));\n"
+        f"#{number + 1}=IDENTIFICATION_ROLE('external document id and location',$);\n"
+        f"#{number + 2}=EXTERNAL_SOURCE(IDENTIFIER('{name}'));\n"
+        f"#{number + 3}=DOCUMENT_FILE('{name}','','',#{number + 4},'',$);\n#{number + 4}=DOCUMENT_TYPE('geometry');\n"
+        for number, name in ((90000, "wall.stp"), (90010, "wall.stp"), (90020, "arch.stp"))
+    ]
+    text = path.read_text()
+    end = text.rindex("ENDSEC;")
+    return written(path, text[:end] + "".join(lines) + text[end:])
+
+
+def test_parts_of_a_step_assembly_in_other_files_are_named(tmp_path):
+    build123d = pytest.importorskip("build123d")
+    path = assembly_with_other_files(tmp_path / "roof.step", build123d.Face.make_rect(3, 2))
+    assert content(path)["part", "dropped"] == 2
+    assert dropped(path) == "2 parts in other files: wall.stp, arch.stp"
+    path = assembly_with_other_files(tmp_path / "empty.step", build123d.Edge.make_line((0, 0, 0), (1, 0, 0)))
+    words = "the file has no faces; ignored: 2 parts in other files: wall.stp, arch.stp; export the assembly as one"
+    with pytest.raises(SurfaceError, match=words):
+        raw_mesh(path)
 
 
 # ---- doubles, units, mirrors ----

@@ -87,7 +87,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
         span = min(span, 2 * shape.width)  # a larger span does not increase the allowed movement
     moved = float(np.quantile(lengths(answer.u), 0.99))
     stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
-    used = max(moved / (LIMIT * span), stress / STRENGTH)
+    used = max(moved / (LIMIT * span) if span else 0.0, stress / STRENGTH)  # without span, all is supported
     steady = _steadiness(shape, reading, supported, _upward(reading, surface, rows, answer.reaction), is_line)
     rim = surface.edge_lengths * surface.edges.boundary
     share = float(rim[supported[surface.edges.ends].all(axis=1)].sum() / rim.sum())
@@ -265,8 +265,10 @@ def _readings(shape: Shape, stand: str) -> list[SupportReading]:
 
 
 def _no_word(stand: str, candidates: Sequence[SupportReading]) -> str:
-    words = ", ".join(dict.fromkeys(reading.word for reading in candidates))
-    return f"--stand {stand}: the surface has no such place; use {words}, or a height over its lowest point in metres"
+    words = "".join(f"{word}, " for word in dict.fromkeys(reading.word for reading in candidates))
+    fault = f"--stand {stand}: the surface has no such place" if stand else "no way to hold the surface is plausible"
+    option = "use" if stand else "choose with --stand:"
+    return f"{fault}; {option} {words}{'or ' if words else ''}a height over its lowest point in metres"
 
 
 def _flaw(candidate: JudgedReading) -> str:

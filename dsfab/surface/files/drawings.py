@@ -83,7 +83,7 @@ def read_dxf_meshes(path: Path, budget: Budget, only: Sequence[str] = ()) -> Tri
     if not V:
         solids = sum(thing.count for thing in inventory if thing.kind == "solid")
         what = f"{count_phrase(solids, 'solid')} (or surfaces), but no mesh" if solids else "no mesh"
-        over = ignored_clause(thing.text for thing in inventory if thing.kind == "hidden object")
+        over = ignored_clause(thing.text for thing in inventory if thing.fate == "dropped" and thing.kind != "solid")
         raise SurfaceError(f"the file has {what}: no 3DFACE, MESH or polyface{over}; export it as a mesh, or as STEP")
     cut_mesh = triangles(Polygons(np.concatenate(V), np.concatenate(corners), np.concatenate(sizes)))
     points, faces = equal_merged(np.concatenate(V), cut_mesh.F)

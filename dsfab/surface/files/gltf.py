@@ -128,7 +128,7 @@ def _count(value: Any) -> int:
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "KHR_mesh_quantization", "KHR_xmp"),
-    *("EXT_mesh_gpu_instancing", "KHR_node_visibility"),
+    *("KHR_technique", "EXT_mesh_gpu_instancing", "KHR_node_visibility"),
 )
 """Prefixes of extensions that do not change the shapes of meshes, and names of extensions that dsfab reads."""
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -190,7 +190,8 @@ def _json_tree(data: bytes) -> dict[str, Any]:
         raise MalformedFileError(f"the file has version {asset['version']} of glTF, but dsfab reads version 2")
     unknown = [str(name) for name in tree.get("extensionsRequired", []) if not str(name).startswith(_HARMLESS)]
     if unknown:
-        raise MalformedFileError(f"it needs the extension {', '.join(unknown)}: export it without compression")
+        remedy = "compression" if all("compression" in name for name in unknown) else "this extension"
+        raise MalformedFileError(f"it needs the extension {', '.join(unknown)}: export it without {remedy}")
     return tree
 
 

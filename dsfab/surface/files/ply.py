@@ -236,9 +236,9 @@ _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 def read_ply(data: bytes, budget: Budget) -> PolygonFile:
     """Return vertices and faces of a PLY file. Colours, normals and other elements are ignored.
     Raises MalformedFileError for a file that is incomplete, not PLY or lacks a property, SurfaceError over `budget`."""
-    if data[:3] != b"ply":  # a text file may have a byte order mark or be UTF-16
+    if data[:3] not in (b"ply", b"PLY"):  # a text file may have a byte order mark or be UTF-16
         file = text_file(data)
-        if not file.text.startswith("ply"):
+        if not file.text.startswith(("ply", "PLY")):
             raise MalformedFileError("there is no PLY header")
         data, doubts = file.text.encode("utf-8"), file.doubts
     else:
@@ -350,7 +350,7 @@ def _header(text: str) -> tuple[str, list[PlyElement]]:
                 elements[-1].properties.append(PlyProperty(name, _TYPES[kind], _TYPES[length]))
             case ["property", kind, name] if elements and kind in _TYPES:
                 elements[-1].properties.append(PlyProperty(name, _TYPES[kind]))
-            case [] | ["ply"] | ["comment" | "obj_info", *_]:
+            case [] | ["ply" | "PLY"] | ["comment" | "obj_info", *_]:
                 pass
             case _:
                 raise MalformedFileError(f"line {number} of the file's header cannot be read: {line.strip()[:60]!r}")

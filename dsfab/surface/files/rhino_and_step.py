@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, Ints, concatenated_mesh
 from dsfab.core.errors import SurfaceError
-from dsfab.core.messages import count_phrase
+from dsfab.core.messages import count_phrase, names_and_count
 from dsfab.surface.files.polygons import Polygons, triangles
 from dsfab.surface.files.reading import (
     Content,
@@ -237,11 +238,17 @@ def read_occt(path: Path, only: Sequence[str] = ()) -> TriangleFile:
 
     counts, box = Counter[Content](), Bnd_Box()
     shape = _shape(path, only, counts)
+    other_files = _other_files(path)
+    if other_files:
+        counts[Content("part", "dropped", f"in other files: {names_and_count(other_files)}")] = len(other_files)
     BRepBndLib.Add_s(shape, box)
     faces = TopExp_Explorer(shape, TopAbs_FACE)
     if not faces.More() or box.IsVoid():
         over = ignored_clause(thing.text for thing in contents(counts))
-        raise MalformedFileError(f"it has no faces, only curves or points{over}")
+        if other_files:
+            raise SurfaceError(f"the file has no faces{over}; export the assembly as one file")
+        what = "no shapes" if box.IsVoid() else "no faces, only curves or points"
+        raise MalformedFileError(f"it has {what}{over}")
     # limits: distance of triangles from the face 2e-4 of the box's diagonal, angle of neighbours 0.2 radians
     BRepMesh_IncrementalMesh(shape, 2e-4 * box.SquareExtent() ** 0.5, False, 0.2, False)
     parts, lost = list[tuple[Floats, Ints]](), 0
@@ -295,6 +302,15 @@ def _shape(path: Path, only: Sequence[str], counts: Counter[Content]) -> Any:
     if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
         raise MalformedFileError(_NOT_STEP)
     return reader.OneShape()
+
+
+_ELSEWHERE = re.compile(rb"\bAPPLIED_EXTERNAL_IDENTIFICATION_ASSIGNMENT\s*\(\s*'([^']+)'")
+
+
+def _other_files(path: Path) -> list[str]:
+    """Return the names of the files in which a STEP assembly keeps its parts [AP 214, external references]."""
+    names = [] if path.suffix.lower() == ".brep" else _ELSEWHERE.findall(path.read_bytes())
+    return [name.decode("utf-8", "replace") for name in dict.fromkeys(names)]
 
 
 _NOT_STEP = "the file is not a STEP file with shapes, or it is cut off"

@@ -6,6 +6,7 @@ import importlib.util
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -25,6 +26,7 @@ GIB = 2**30
 MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB, "ifc": 4 * GIB}  # Largest address space for reading, bytes.
 SECONDS = {"drawing": 3, "meshes": 6, "cad": 60, "ifc": 60}  # Processor seconds for a small file, and for each 10 MB.
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
+TIME_OVER = -int(getattr(signal, "SIGXCPU", 24))  # Return code of a process that used up its processor seconds.
 LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT", "ifc": "ifcopenshell"}
 
 
@@ -84,8 +86,12 @@ def _program_output(kind: str, path: Path, timeout: float, only: Sequence[str] =
     command = [sys.executable, "-P", "-c", PROGRAM, kind, str(path.resolve()), str(seconds), *only]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(folder for folder in sys.path if folder)}
     process = subprocess.run(command, capture_output=True, env=environment, timeout=timeout, check=False)
+    if process.returncode == TIME_OVER:
+        words = f"{LIBRARIES[kind]} needs more than {seconds} s of processor time for it"
+        raise SurfaceError(f"{words}; make it simpler, or export it as a mesh")
     if process.returncode:
-        raise MalformedFileError(f"the file is damaged: {LIBRARIES[kind]} stops while reading it")
+        words = f"the file is damaged, or needs more than {MEMORY[kind] // GIB} GiB of memory"
+        raise MalformedFileError(f"{words}: {LIBRARIES[kind]} stops while reading it")
     return process.stdout
 
 
@@ -134,7 +140,7 @@ def _limit(seconds: int, memory: int) -> None:
         return
     import resource
 
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))  # SIGXCPU, then SIGKILL
     statm = Path("/proc/self/statm")
     if statm.exists():
         address_limit = int(statm.read_text().split()[0]) * resource.getpagesize() + memory

@@ -97,10 +97,11 @@ def _line_number(text: str, position: int) -> int:
     return text.count("\n", 0, len(text) - len(text[position:].lstrip())) + 1
 
 
-_NAMESPACES = "core materials production beamlattice slice trianglesets".split()  # noqa: SIM905
+_NAMESPACES = "core material production beamlattice slice trianglesets".split()  # noqa: SIM905
 """Words in the names of extensions of 3MF that dsfab reads, or that do not change shapes."""
 _TAKEN = ("model", "surface")  # Types of objects that belong to the model; other types help only the printing.
-_ROOT = re.compile(r"""Target\s*=\s*["']([^"']+\.model)["']""", re.IGNORECASE)
+_ROOT = re.compile(r"""<[^<>]*/3dmodel["'][^<>]*>""")  # relationship to the root model, whose suffix may differ
+_TARGET = re.compile(r"""Target\s*=\s*["']/*([^"']+)["']""", re.IGNORECASE)
 Key = tuple[str, str]  # Name of a part of the file, and number of an object in this part.
 
 
@@ -143,9 +144,10 @@ class _Plate:
         self.items = list[tuple[Key, Floats, str]]()
         self.counts, self.prefixes, self.unprinted = Counter[Content](), dict[str, str](), list[Key]()
         self.aids = print_aids(texts)
-        models = [name for name in texts if name.lower().endswith(".model")]
-        target = _ROOT.search(texts.get("_rels/.rels", b"").decode("utf-8", "replace"))
-        self.root = target[1].lstrip("/") if target and target[1].lstrip("/") in models else "".join(models[:1])
+        link = _ROOT.search(texts.get("_rels/.rels", b"").decode("utf-8", "replace"))
+        target = _TARGET.search(link[0]) if link else None
+        models = [name for name in texts if name.lower().endswith(".model") or (target and name == target[1])]
+        self.root = target[1] if target and target[1] in models else "".join(models[:1])
         if not models:
             raise MalformedFileError("the archive has no file with a 3D model")
         for self.part in models:
