@@ -188,7 +188,10 @@ def test_sides_do_not_depend_on_the_size(scale):
     [
         (Box((9, 9, 9), (10, 10, 10)), r"pick = 'box' with min = \(9, 9, 9\), .*nearest vertex is .* m out of reach"),
         (Box((1, 0, 0), (0, 1, 1)), "has min beyond max"),
-        (Ball((0, 0, 10), 1.0), r"pick = 'ball' .*nearest vertex is 9 m out of reach .*box is \(-3, -2, 0\) to \(3, 2, 0\)"),
+        (
+            Ball((0, 0, 10), 1.0),
+            r"pick = 'ball' .*nearest vertex is 9 m out of reach .*box is \(-3, -2, 0\) to \(3, 2, 0\)",
+        ),
         (Nearest(()), "pick = 'nearest' .*picks no vertex"),
         (Boundary(1), "has 1 boundary loops, so use loop = 0 to 0"),
         (Facing((1, 0, 0), 10.0), "the nearest normal is 90 degrees away"),
