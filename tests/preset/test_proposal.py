@@ -397,7 +397,7 @@ def test_a_mesh_in_python():
 
 
 @pytest.mark.slow
-def test_new_writes_a_preset_that_build_takes(tmp_path, monkeypatch, capsys):
+def test_new_writes_a_preset_that_build_takes(tmp_path, monkeypatch, capsys, coarse_proposals):
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "my roof.obj", dome(edge=0.9))
     assert main(["new", "my roof.obj", "--material", "S235"]) == 0
