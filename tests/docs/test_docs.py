@@ -335,14 +335,17 @@ def test_the_commands_of_the_ten_minute_lesson_give_the_shown_output(tmp_path, m
 
 @pytest.mark.slow
 def test_the_commands_of_the_case_studies_print_the_shown_output(tmp_path, monkeypatch, capsys):
-    """But the last, which takes minutes: what it says of the dome is near to one solve, here 5.4 % too soft."""
+    """But the last, which takes minutes: what it says of the dome is near to one solve, here 5.4 % too soft. The slab's
+    picture is of no account here, and the parts of the gridshell are those of its own mesh to 8 %."""
     monkeypatch.chdir(tmp_path)
     commands = [line for block in blocks("sh", CASES) for line in block.splitlines()]
     shown = [block.strip().splitlines() for block in blocks("text", CASES)]
     assert commands.pop() == "dsfab compare dome"
     *lines, (verdict, *_) = shown
+    quick = {"build slab": ["--no-preview"], "workshop gridshell": ["--set", "surface.edge=0.25"]}
     for command, expected in zip(commands, lines, strict=True):
-        assert main(shlex.split(command)[1:]) == 0, command
+        words = shlex.split(command)[1:]
+        assert main([*words, *quick.get(" ".join(words[:2]), [])]) == 0, command
         assert missing(expected, capsys.readouterr().out) == []
     found = dsfab.compare(draft(dsfab.load_preset("dome")), against=(), level="quick")
     told = re.search(r"compliance ([\d.]+) J .* ([\d.]+) t;", verdict)
