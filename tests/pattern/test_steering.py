@@ -436,11 +436,7 @@ def test_another_angle_guide_or_family_makes_stripes_anew(ribs):
     assert wider.pattern.even is ribs.pattern.even
     assert [n.text for n in wider.notes if "guides" in n.text and "symmetry" in n.text]
     guide = ribs.preset.pattern.guide[0]
-    for change in (
-        {"pattern.rotate": 40},
-        {"pattern.families": "major"},
-        {"pattern.guide.0.weight": 2 * guide.weight},
-    ):
+    for change in ({"pattern.rotate": 40}, {"pattern.families": "major"}, {"pattern.guide.0.weight": 2 * guide.weight}):
         preset = with_overrides(ribs.preset, change)
         made, fresh = design.draft(preset, earlier=ribs), even_stripes(preset, ribs.surface, ribs.statics)
         assert made.pattern.even is not ribs.pattern.even
