@@ -45,7 +45,7 @@ COARSER = {
     "sphere": 0.05,
     "sphere_graded": 0.09,
     "turkey": 0.02,
-    "twisty_tower": 0.5,
+    "twisty_tower": 0.7,
     **dict.fromkeys(("camel_ears", "camel_head", "camel_none", "camel_nose"), 0.03),
 }
 """Metres, of the triangles' edges of presets that would take long."""

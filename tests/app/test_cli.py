@@ -243,7 +243,7 @@ def test_bench_says_not_applicable_where_a_flat_sheet_does_not_bend(capsys):
 @pytest.mark.slow
 def test_compare_prints_and_writes_competitors_and_gain(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    arguments = ["compare", "cantilever", "--set", "surface.edge=0.1", "--against", "thinner,grid", "--frequency"]
+    arguments = ["compare", "cantilever", "--set", "surface.edge=0.15", "--against", "thinner,grid", "--frequency"]
     arguments.append("--no-report")
     code, out, _ = run(capsys, *arguments)
     assert code == 0

@@ -230,9 +230,17 @@ def test_a_malformed_request_is_refused():
     }
 
 
+WIDE = sent(
+    "preset",
+    "System.String",
+    json.dumps("surface.edge = 0.5\npattern.major.spacing = 1.6\npattern.minor.spacing = 1.6"),
+)
+"""Wide members, on larger triangles."""
+
+
 @pytest.mark.slow
 def test_a_preview_is_the_sheet_in_the_unit_of_the_model(monkeypatch):
-    done, text = solve_request("preview", body(vault(1000), unit="Millimeters"))
+    done, text = solve_request("preview", body(vault(1000), WIDE, unit="Millimeters"))
     assert done, text
     answer = json.loads(text)
     sheet = read(answer, "sheet")
@@ -244,7 +252,7 @@ def test_a_preview_is_the_sheet_in_the_unit_of_the_model(monkeypatch):
     assert all(line.IsValid for line in lines)
     assert all(isinstance(one, str) for one in read(answer, "notes"))
     monkeypatch.setattr(components.Design, "from_preset", lambda *_: pytest.fail("fed alike, it was made again"))
-    done, text = solve_request("members", body(vault(1000), unit="Millimeters"))
+    done, text = solve_request("members", body(vault(1000), WIDE, unit="Millimeters"))
     assert done, text
     told = json.loads(text)
     axes, lengths, names = read(told, "axes"), read(told, "lengths"), read(told, "names")

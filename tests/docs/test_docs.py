@@ -21,11 +21,13 @@ from dsfab.core.materials import MATERIALS
 from dsfab.core.toml_files import shipped_presets
 from dsfab.design import draft
 from dsfab.preset.proposal import propose
+from dsfab.render.light import QUICK
+from dsfab.render.picture import StructurePicture
 from dsfab.statics import USES
 from dsfab.study.verdict.estimates import QUICK_ERRORS
 from dsfab.surface.shapes import barrel_vault
 from dsfab.verification import TESTS
-from tests.designs import rough_presets
+from tests.designs import rough_presets, untried
 from tests.own_meshes import canopy_mm
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -307,14 +309,18 @@ def test_numbers_that_a_page_shows_may_be_a_little_off():
 @pytest.mark.slow
 def test_the_commands_of_the_ten_minute_lesson_give_the_shown_output(tmp_path, monkeypatch, capsys):
     """Its commands in their order, with what it shows. To be quick, its STEP file holds triangles, and the
-    comparison is with the thinner sheet alone. study/test_compare.py and test_cli.py compare with stripes, too."""
+    comparison is with the thinner sheet alone. study/test_compare.py and test_cli.py compare with stripes, too.
+    Later commands take coarser meshes, which move the shown numbers less than another processor does."""
+    monkeypatch.setattr("dsfab.study.alternatives.Trial", untried)  # of stripes on modes
+    monkeypatch.setattr(StructurePicture.render, "__defaults__", (QUICK,))  # light that takes less time
     shutil.copy(ROOT / "docs" / "examples" / "canopy.obj", tmp_path / "my_roof.obj")
     monkeypatch.chdir(tmp_path)
     shown = iter(blocks("text", LESSON))
     quick = {
         "build": ["--step", "tessellated"],
-        "preview": ["--set", "surface.edge=0.4"],
-        "compare": ["--against", "thinner"],
+        "preview": ["--set", "surface.edge=0.8"],
+        "compare": ["--against", "thinner", "--set", "surface.edge=0.6"],
+        "workshop": ["--set", "surface.edge=0.6"],
     }
     for block in blocks("sh", LESSON)[1:]:
         command = shlex.split(block)[1]
@@ -329,14 +335,17 @@ def test_the_commands_of_the_ten_minute_lesson_give_the_shown_output(tmp_path, m
 
 @pytest.mark.slow
 def test_the_commands_of_the_case_studies_print_the_shown_output(tmp_path, monkeypatch, capsys):
-    """But the last, which takes minutes: what it says of the dome is near to one solve, here 5.4 % too soft."""
+    """But the last, which takes minutes: what it says of the dome is near to one solve, here 5.4 % too soft. The slab's
+    picture is of no account here, and the parts of the gridshell are those of its own mesh to 8 %."""
     monkeypatch.chdir(tmp_path)
     commands = [line for block in blocks("sh", CASES) for line in block.splitlines()]
     shown = [block.strip().splitlines() for block in blocks("text", CASES)]
     assert commands.pop() == "dsfab compare dome"
     *lines, (verdict, *_) = shown
+    quick = {"build slab": ["--no-preview"], "workshop gridshell": ["--set", "surface.edge=0.25"]}
     for command, expected in zip(commands, lines, strict=True):
-        assert main(shlex.split(command)[1:]) == 0, command
+        words = shlex.split(command)[1:]
+        assert main([*words, *quick.get(" ".join(words[:2]), [])]) == 0, command
         assert missing(expected, capsys.readouterr().out) == []
     found = dsfab.compare(draft(dsfab.load_preset("dome")), against=(), level="quick")
     told = re.search(r"compliance ([\d.]+) J .* ([\d.]+) t;", verdict)

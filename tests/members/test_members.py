@@ -469,9 +469,9 @@ def test_members_of_all_other_presets_are_their_sheets(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "file"), [("figurine", "spot.obj"), ("roof", "hypar.obj")])
-def test_members_of_presets_for_files_are_their_sheets(name, file):
+def test_members_of_presets_for_files_are_their_sheets(name, file, rough_shares):
     preset = load_preset(name, mesh=mesh_file(file))  # design/test_pipeline.py thickens it
-    made = sliced(with_overrides(preset, {"surface.edge": 2 * preset.surface.edge}))
+    made = sliced(with_overrides(preset, {"surface.edge": 3 * preset.surface.edge}))
     assert_whole(made.members, made.sheet)
 
 
@@ -491,7 +491,7 @@ def test_members_of_other_surfaces_are_their_sheets(name, rough_shares):
     preset = preset_for(mesh_file(f"{name}.obj"))
     apart = 3 * preset.pattern.major.spacing
     spacings = {"pattern.major.spacing": apart, "pattern.minor.spacing": apart}
-    made = sliced(with_overrides(preset, {"surface.edge": 2.5 * preset.surface.edge, **spacings}))
+    made = sliced(with_overrides(preset, {"surface.edge": 3.5 * preset.surface.edge, **spacings}))
     assert_whole(made.members, made.sheet)
 
 

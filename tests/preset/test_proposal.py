@@ -397,7 +397,7 @@ def test_a_mesh_in_python():
 
 
 @pytest.mark.slow
-def test_new_writes_a_preset_that_build_takes(tmp_path, monkeypatch, capsys):
+def test_new_writes_a_preset_that_build_takes(tmp_path, monkeypatch, capsys, coarse_proposals):
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "my roof.obj", dome(edge=0.9))
     assert main(["new", "my roof.obj", "--material", "S235"]) == 0
@@ -528,6 +528,13 @@ def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, rough_shares, words):
 @pytest.mark.slow
 def test_a_default_format_that_fails_is_left_out(tmp_path, monkeypatch, capsys, rough_shares):
     """A STEP that is too large is told; asked for, it is refused, faceted ones in design/test_refusals.py."""
+    made: list[dsfab.Design] = []
+
+    def once(preset, progress):
+        made[:] = [dsfab.revise(made[0], preset) if made else dsfab.run(preset, progress)]
+        return made[0]
+
+    monkeypatch.setattr("dsfab.study.run_sized", once)  # the three builds differ in their files
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "cap.obj", dome(edge=1.2))
     wide = [*WIDE, "--set", "statics.thickness=0.1", "--no-preview"]  # a given thickness is not searched for

@@ -172,8 +172,8 @@ def test_a_design_that_fails_at_a_share_is_listed_with_its_competitors(made):
 
 @pytest.mark.slow
 def test_on_the_sphere_the_design_has_under_a_quarter_of_the_best_isotropic_compliance():
-    """5.1 times as stiff at half of the material on this mesh, 5.75 on the preset's own."""
-    ball = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.08}))
+    """On the preset's own mesh 5.75 times as stiff at half of the material; 5.1 with edges of 0.08 m."""
+    ball = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.1}))
     found = compare_at(ball, 0.5, ["isotropic"])
     assert found.gain("isotropic") > 4
     assert found["isotropic"].spread.carried >= 4

@@ -221,9 +221,9 @@ def test_frequency_and_buckling_of_the_full_sheet_equal_its_statics():
 @pytest.mark.slow
 def test_python_and_the_command_line_look_as_deep(tmp_path, capsys):
     """The same levels by default: the design is checked on finer meshes, and so is what it is compared with."""
-    design = dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.1}))
+    design = dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.15}))
     found = dsfab.compare(design, ("thinner",))
-    sets = ["--set", "surface.edge=0.1", "--against", "thinner", "--no-report", "--quiet"]
+    sets = ["--set", "surface.edge=0.15", "--against", "thinner", "--no-report", "--quiet"]
     assert main(["compare", "cantilever", *sets, "-o", str(tmp_path)]) == 0
     told = json.loads((tmp_path / "results.json").read_text())["competitors"]
     ours = found.record()["competitors"]

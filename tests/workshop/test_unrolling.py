@@ -51,9 +51,8 @@ def bay_differences(graph):
     """Metres by which straight distances of neighbouring nodes differ on both flat strips, each with its member's name
     and node's."""
     found = []
-    for member in graph.members:
-        if not is_strip(member):
-            continue
+    strips = [member for member in graph.members if is_strip(member)]
+    for member in strips[::2]:  # the other half repeats them, and triangles take long to lay flat
         layer = Development(member_course(graph, member, 0.04, 0.4), 0.0)
         nodes = [node for node in graph.nodes_along[member.id] if node.kind == "crossing"]
         for k in range(0, len(nodes) - 1, BAYS):
@@ -84,9 +83,9 @@ def _differences(graph, member, layer, nodes):
 @pytest.mark.parametrize(
     ("name", "edge", "least", "quicker"),
     [
-        ("barrel_vault", 0.12, 30, {}),
-        ("dome", 0.12, 400, {"pattern.width": {"rule": "constant", "member": 0.15}}),
-        ("tower", 0.15, 200, {"pattern.weight_rounds": 0}),
+        ("barrel_vault", 0.12, 15, {}),
+        ("dome", 0.15, 120, {"pattern.width": {"rule": "constant", "member": 0.15}}),
+        ("tower", 0.2, 100, {"pattern.weight_rounds": 0}),
     ],
     ids=["barrel_vault", "dome", "tower"],
 )
