@@ -1,7 +1,8 @@
 """Structures with the mass of a design, for comparison: a thinner sheet, and stripes that ignore the stress."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from dsfab.preset.model import Preset
 from dsfab.statics import solve_for
 from dsfab.study.baselines import ComparisonTask, Structure, Variant
 from dsfab.study.baselines.structures import isotropic_stripes, isotropic_variants
-from dsfab.study.judges import Judge, Judgement, full, quick
+from dsfab.study.judges import AnsweredLoad, Judge, Judgement, full, quick
 
 
 @dataclass(frozen=True)
@@ -205,11 +206,15 @@ def design_alternatives(design: Design) -> tuple[Alternative, ...]:
 
 
 def alternatives(
-    task: ComparisonTask, structure: Structure, names: Sequence[str] = tuple(ALTERNATIVE_WORDS)
+    task: ComparisonTask,
+    structure: Structure,
+    names: Sequence[str] = tuple(ALTERNATIVE_WORDS),
+    solved: Mapping[str, AnsweredLoad] | None = None,
 ) -> tuple[Alternative, ...]:
-    """Compare a structure with the structures `names` of `ALTERNATIVE_WORDS`, which have the mass of the design."""
+    """Compare a structure with the structures `names` of `ALTERNATIVE_WORDS`, which have the mass of the design.
+    solved : answers of an earlier judgement of the structure, which then is not solved again."""
     makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
-    return tuple(makers[name](task, structure) for name in names)
+    return tuple(makers[name](task, structure, partial(quick, solved=solved)) for name in names)
 
 
 class _BoundedCompliance(NamedTuple):
@@ -221,7 +226,7 @@ class _BoundedCompliance(NamedTuple):
     error: str = ""
 
 
-def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
+def thinner_alternative(task: ComparisonTask, structure: Structure, own_judge: Judge = quick) -> Alternative:
     """Compare a structure with a thinner sheet of the same mass. Each is solved once.
     If the error bounds leave open which one is stiffer, more accurate solves follow."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
@@ -229,12 +234,12 @@ def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternati
     alternative = _alternative("thinner", design, rival, "one solve each")
     if alternative.low <= 1 <= alternative.high:
         judge, checked = (quick, "one solve each") if task.is_plane else (full, "full check of the thinner sheet")
-        design, rival = _judged_compliance(quick, task, structure), _judged_compliance(judge, task, thin)
+        design, rival = _judged_compliance(own_judge, task, structure), _judged_compliance(judge, task, thin)
         alternative = _alternative("thinner", design, rival, checked)
     return alternative
 
 
-def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
+def isotropic_alternative(task: ComparisonTask, structure: Structure, own_judge: Judge = quick) -> Alternative:
     """Compare a structure with the best isotropic stripes of the same mass.
     Each pair of modes is cut and solved once. The two best pairs are then cut to exactly the design's mass. More
     accurate elements solve these two pairs and the design."""
@@ -254,7 +259,7 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alterna
     failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; the first: {tried[0].refused}")
     rival = min(rivals, key=lambda rival: rival.compliance, default=failed)._replace(bound=0.0)
     # the errors of both compliances have the same sign, so the error of their ratio is at most 10 %
-    return _alternative("isotropic", _judged_compliance(quick, task, structure)._replace(bound=0.1), rival, level)
+    return _alternative("isotropic", _judged_compliance(own_judge, task, structure)._replace(bound=0.1), rival, level)
 
 
 def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompliance:

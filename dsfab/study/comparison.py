@@ -58,7 +58,10 @@ class Comparison:
         """Return the comparison with all structures of `ALTERNATIVE_WORDS`. Fast solves add the missing structures."""
         missing = [name for name in ALTERNATIVE_WORDS if name not in {rival.name for rival in self.rivals}]
         structure = self.design.structure
-        return replace(self, looked_at=alternatives(self.task, structure, missing)) if structure and missing else self
+        if not (structure and missing):
+            return self
+        solved = self.design.judgement.solved if self.design.judgement else None
+        return replace(self, looked_at=alternatives(self.task, structure, missing, solved))
 
     @property
     def competitors(self) -> tuple[Competitor, ...]:
@@ -170,13 +173,14 @@ def _competitor(
     task: ComparisonTask, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False
 ) -> Competitor:
     start, making, solved_variants, errors = time.perf_counter(), 0.0, [], []
-    several, structure = len(variants) > 1, None
+    several, is_design, structure = len(variants) > 1, name == "design", None
     for variant in variants:
         before = time.perf_counter()
         try:
             structure = variant.make()
             making += time.perf_counter() - before
-            solved_variants.append((variant.says, structure, (quick if several else judge)(task, structure)))
+            judgement = (quick if several else judge)(task, structure)
+            solved_variants.append((variant.says, structure, judgement if is_design else replace(judgement, solved={})))
         except DsfabError as error:
             if refuse:
                 raise
@@ -189,7 +193,7 @@ def _competitor(
         return lost if several or structure is None else _with_measures(task, lost, structure)
     says, structure, judgement = solved_variants[int(np.argmin(values))]
     try:
-        judgement = judge(task, structure) if several and judge is not quick else judgement
+        judgement = replace(judge(task, structure), solved={}) if several and judge is not quick else judgement
     except DsfabError as error:
         return Competitor(name, says, spread=spread, error=str(error), seconds=time.perf_counter() - start)
     entered = Competitor(name, says, judgement=judgement, spread=spread, seconds_made=making)

@@ -1,7 +1,7 @@
 """Judges of structures: compliance, displacements and stress by one solve, or on finer and finer meshes."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -62,6 +62,15 @@ class CaseResponse:
     triangles: int = 0
 
 
+@dataclass(frozen=True, eq=False)
+class AnsweredLoad:
+    """A load on a cut sheet, with the equilibrium and stress under it on the unrefined mesh."""
+
+    load: LoadCase
+    equilibrium: Equilibrium
+    stress: SheetStress
+
+
 @dataclass(frozen=True)
 class Judgement:
     """Computed compliance of a structure, response to each load, and verdict on the accuracy.
@@ -70,7 +79,8 @@ class Judgement:
     verdict    : `pass` if the bound is small enough.     reason : explanation of the verdict.
     cases      : response to each load, by the load's name.
     check      : the verdict on several meshes; None for one mesh.
-    theory     : fraction by which a solid may be softer than the shell; None for one mesh."""
+    theory     : fraction by which a solid may be softer than the shell; None for one mesh.
+    solved     : answers on the unrefined mesh, by the load's name; empty for competitors, to save memory."""
 
     compliance: float
     cases: Mapping[str, CaseResponse]
@@ -79,6 +89,7 @@ class Judgement:
     reason: str = ""
     check: Verdict | None = None
     theory: float | None = None
+    solved: Mapping[str, AnsweredLoad] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def level(self) -> Literal["quick", "full"]:
@@ -91,15 +102,6 @@ class Judgement:
 
 
 Judge = Callable[[ComparisonTask, Structure], Judgement]  # a judge raises DsfabError if a load has no support
-
-
-@dataclass(frozen=True, eq=False)
-class AnsweredLoad:
-    """A load on a cut sheet, with the equilibrium and stress under it on the unrefined mesh."""
-
-    load: LoadCase
-    equilibrium: Equilibrium
-    stress: SheetStress
 
 
 def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, AnsweredLoad]:
@@ -117,22 +119,27 @@ def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False
 
 
 def quick(
-    task: ComparisonTask, structure: Structure, ask: ResultRequest | None = None, every: bool = False
+    task: ComparisonTask,
+    structure: Structure,
+    ask: ResultRequest | None = None,
+    every: bool = False,
+    solved: Mapping[str, AnsweredLoad] | None = None,
 ) -> Judgement:
     """Judge by one solve on the unrefined mesh. This is enough to compare similar sheets, but not for a verdict.
     The error bound of the compliance is 5 %, which holds for nine designs in ten. For uncut sheets that bend, it is
     50 %, because their meshes are coarse.
     ask   : requested frequencies and buckling factors; only the lowest are computed.
     every : True to judge all cases and combinations; else only those whose stresses determine the pattern.
+    solved : answers of an earlier judgement of this structure, which then is not solved again.
     Raises StaticsError if the structure does not carry a load."""
-    answers, request = solved_loads(task, structure, every), ask or ResultRequest()
+    answers, request = solved or solved_loads(task, structure, every), ask or ResultRequest()
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
     total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
     typical, largest = estimates.QUICK_ERRORS
     text = f"one solve on the cut mesh: typical error {typical:.0%}, 90 % of designs under {largest:.0%}; no verdict"
     if structure.cells is structure.sheet and not task.is_plane:
         largest, text = (0.5, "one solve on the uncut mesh: the largest known error is a third; errors may be larger")
-    return Judgement(total, cases, bound=largest, reason=text)
+    return Judgement(total, cases, bound=largest, reason=text, solved=answers)
 
 
 def _case_response(

@@ -354,11 +354,9 @@ def test_pictures_show_the_load_case_with_the_largest_stress_or_displacement(com
     gust = replace(most, compliance=most.compliance / 2, stress=peak)
     sag = replace(most, compliance=most.compliance / 3, displacement=replace(most.displacement, value=1.0))
     cases = {"load": most, "gust": gust, "sag": sag}
-    found = Findings(
-        replace(compared, design=replace(compared.design, judgement=replace(judged, check=None, cases=cases))), [], ""
-    )
+    shown = replace(judged, check=None, cases=cases, solved={name: name for name in cases})
+    found = Findings(replace(compared, design=replace(compared.design, judgement=shown)), [], "")
     assert found.cases[0] == "load"
-    vars(found)["fields"] = {name: name for name in cases}
     drawn = SimpleNamespace(displacement=lambda *given: given, stress=lambda *given: given)
     _, moved, stressed, table = sections.displacement_and_stress_section(found, drawn, CaptionNumbers()).blocks
     assert moved[:2] == ("sag", 1.0)

@@ -18,6 +18,7 @@ from dsfab.results import Candidate
 from dsfab.study import alternatives as module
 from dsfab.study.alternatives import Alternative, alternatives, design_alternatives, is_searched, losing_line
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
+from dsfab.study.comparison import comparison
 from dsfab.study.judges import quick
 from dsfab.study.sweeps.metrics import METRICS
 from dsfab.surface import SHAPES, Surface
@@ -90,6 +91,24 @@ def test_the_best_pair_of_isotropic_stripes_is_that_of_the_comparison(pulled):
     made = {variant.says: _compliance(task, variant.make()) for variant in BASELINES["isotropic"](task)}
     assert found.variant == min(made, key=lambda says: made[says])
     assert found.over == pytest.approx(_compliance(task, own) / made[found.variant], rel=1e-3)
+
+
+def test_a_judged_design_is_not_solved_again(pulled, monkeypatch):
+    """Its answers serve the isotropic alternative; competitors keep none, because each has many variants."""
+    task, own = task_of(pulled)
+    judged = quick(task, own)
+    (found,) = alternatives(task, own, ["isotropic"])
+    assert alternatives(task, own, ["isotropic"], judged.solved) == (found,)
+    halved = {name: replace(one, equilibrium=half_as_soft(one.equilibrium)) for name, one in judged.solved.items()}
+    (stiffer,) = alternatives(task, own, ["isotropic"], halved)
+    assert stiffer.over == pytest.approx(found.over / 2)
+    compared = comparison(pulled, ["thinner"])
+    assert set(compared.design.judgement.solved) == set(task.loads)
+    assert not any(one.judgement.solved for one in compared.rivals)
+
+
+def half_as_soft(answer):
+    return replace(answer, compliance=answer.compliance / 2)
 
 
 def held_dome(turn):

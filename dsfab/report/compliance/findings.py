@@ -16,7 +16,7 @@ from dsfab.statics import flat_axis
 from dsfab.study import Comparison
 from dsfab.study.alternatives import Competitor
 from dsfab.study.baselines import ComparisonTask, Structure
-from dsfab.study.judges import AnsweredLoad, CaseResponse, Judgement, solved_loads
+from dsfab.study.judges import AnsweredLoad, CaseResponse, Judgement
 from dsfab.study.verdict import estimates
 from dsfab.study.verdict.estimates import Extreme
 from dsfab.surface import LimitState
@@ -167,11 +167,10 @@ class Findings:
         assert self.design.structure is not None
         return self.design.structure
 
-    @cached_property
+    @property
     def fields(self) -> Mapping[str, AnsweredLoad]:
         """Displacements and stresses of each load by name, for pictures."""
-        with_combinations = set(self.judgement.cases) != set(self.task.loads)
-        return solved_loads(self.task, self.structure, with_combinations)
+        return self.judgement.solved
 
     @cached_property
     def cut_load_sums(self) -> Mapping[str, Floats]:
