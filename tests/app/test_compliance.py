@@ -362,7 +362,7 @@ def test_pictures_show_the_load_case_with_the_largest_stress_or_displacement(com
     assert moved[:2] == ("sag", 1.0)
     assert "Displacements under sag" in moved[2]
     assert stressed[0] == "gust"
-    assert "von Mises stress under gust, the largest" in stressed[1]
+    assert "von Mises stress under gust: the largest" in stressed[1]
     assert table.rows[0][1] == quantity(peak.quantile, "Pa")
     assert "Stress under gust, on a mesh" in table.caption
 

@@ -140,7 +140,7 @@ def test_a_build_tells_wrong_formats_once_as_an_export_does(formats, words, caps
         (["domme", "--to", "calculix"], "did you mean dome?"),
         (["empty", "--to", "stl"], "empty has no preset.toml, so dsfab did not build it"),
         (["roof", "--to", "calculix"], "preset roof needs your mesh: add --mesh FILE"),
-        ([DOME_MODES, "--to", "calculix", "--set", "surface.support.0.hold='z'"], "its supports do not prevent this"),
+        ([DOME_MODES, "--to", "calculix", "--set", "surface.support.0.hold='z'"], "the supports do not prevent this"),
         (["dome", "--to", "calculix", "--set", "statics.thickness=0"], "statics.thickness"),
         ([DOME_MODES, *DOME, "--to", "calculix", "-o", "file/dome.inp"], "a file has the name of the folder"),
     ],

@@ -205,15 +205,15 @@ def test_a_refusal_over_the_budget_lists_the_failed_ways():
     said = str(strategies.refusal([NotFlatError("not flat"), ExportError("a gap; try this"), BudgetError(part, 1152)]))
     assert said.startswith("the STEP file of 'a' would have 1,152 planar faces")
     assert said.endswith("or raise step_faces (tried too: a gap)")
-    far = [NotByMembersError(why) for why in ("by members it is 9 mm off", "a region bends too much; see")]
+    far = [NotByMembersError(why) for why in ("the 'members' solid is 9 mm off", "a region bends too much; see")]
     told = [str(strategies.refusal([one, ExportError("a gap"), BudgetError(part, 1152)])) for one in far]
     assert [one.partition("(")[2] for one in told] == [
-        "tried too: by members it is 9 mm off; a gap)",
+        "tried too: the 'members' solid is 9 mm off; a gap)",
         "tried too: by members, a region bends too much; a gap)",
     ]
-    many = NotByMembersError("by members it would have too many; ask", if_asked=True)
+    many = NotByMembersError("along members, the file would have too many; ask", if_asked=True)
     told = str(strategies.refusal([many, ExportError("a gap"), BudgetError(part, 1152)]))
-    assert told.endswith("(tried too: by members it would have too many: write step = 'members'; a gap)")
+    assert told.endswith("(tried too: along members, the file would have too many: write step = 'members'; a gap)")
     assert str(strategies.refusal([ExportError("a gap; try this")])) == "a gap; try this"
 
 

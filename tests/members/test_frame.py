@@ -226,7 +226,7 @@ SHAPES = sorted(set(shipped_presets()) - {"figurine", "roof"} - ALIKE - FREE_FOR
 def test_slender_frames_agree_with_the_shell_within_a_tenth(name):
     design = coarse_design(name)
     if name in LOOSE:
-        with pytest.raises(StaticsError, match="its supports do not prevent this"):
+        with pytest.raises(StaticsError, match="the supports do not prevent this motion"):
             design.frame_agreement()
         return
     agreed = design.frame_agreement()

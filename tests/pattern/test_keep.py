@@ -331,7 +331,7 @@ def test_fields_that_do_not_fit_together_are_refused():
         cut(surface, [one, two], [[-0.2], [-0.2]])
     ones = np.ones((surface.m, 3))
     corners = CornerField(np.zeros((surface.n, 2)), ones, 0 * ones, np.zeros(surface.m, dtype=bool))
-    with pytest.raises(ValueError, match="before corner fields"):
+    with pytest.raises(ValueError, match="before every CornerField"):
         cut(surface, [corners, one], [[0.0], [-0.2]])
     with pytest.raises(ValueError, match="another surface"):
         cut(grid(2, 2, 1.0, 1.0), [one], [[-0.2]])

@@ -397,7 +397,7 @@ def test_one_family_is_built_drawn_and_measured(ribs):
     found = ribs.quality()
     assert (found.major.drawn, found.minor.drawn) == (False, True)
     assert (found.evenness, found.deviation) == (found.minor.evenness, found.minor.deviation)
-    assert "stress turned by 20" in found.summary
+    assert "stress direction turned by 20" in found.summary
     assert "crossing" not in found.summary
     told = list(quality_lines(quality_facts(found)))
     assert [line.split()[0] for line in told[1:]] == ["minor"]

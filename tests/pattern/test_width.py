@@ -245,7 +245,7 @@ def test_wider_stripes_end_as_touching_stripes():
     ("values", "says"),
     [
         ({"rule": "narrow"}, "must be plain, constant, graded or stressed"),
-        ({"rule": "constant"}, "needs member"),
+        ({"rule": "constant"}, "needs the key member"),
         ({"member": -1.0}, "member = -1.0 must be a length"),
         ({"min_width": np.inf}, "min_width = inf must be"),
         ({"max_width": np.nan}, "max_width = nan must be"),

@@ -234,7 +234,7 @@ def test_a_design_has_its_fillets_in_sheet_and_solid():
     assert design.solid.volume > sharp.solid.volume
     assert design.solid.genus == sharp.solid.genus
     assert design.solid.repairs.pairs == 0
-    assert any("corners of openings were rounded with 30 mm" in note for note in said + [str(design.notes)])
+    assert any("corners of openings were rounded with a radius of 30 mm" in note for note in said + [str(design.notes)])
 
 
 @pytest.mark.parametrize("name", sorted(ZOO))

@@ -122,7 +122,7 @@ def test_a_stiff_spring_is_a_support():
 def test_springs_stop_motions_and_free_motions_are_named():
     s = ZOO["saddle"]()
     feet = [Support(Side("x", "min"), spring=(0.0, 5e4, 5e4))]
-    with pytest.raises(StaticsError, match=r"the surface can move along x and turn about y and turn about z: its sup"):
+    with pytest.raises(StaticsError, match=r"the surface can move along x and turn about y and turn about z: the sup"):
         solved(s, feet, [Snow(10.0)], PAIRS[0])
     solved(s, [*feet, Support(Side("x", "max"), spring=(1e3, 0.0, 1e3))], [Snow(10.0)], PAIRS[0])
 

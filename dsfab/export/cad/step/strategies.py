@@ -235,7 +235,7 @@ def refusal(refused: Sequence[ExportError]) -> ExportError:
     remaining = [error for error in refused if not isinstance(error, (BudgetError, NotFlatError))]
     final_reasons = {_is_by_members(x): _reason_with_advice(x, str(x).split("; ")[0]) for x in remaining}
     begin = {True: "by members, ", False: ""}
-    sentences = [("" if "by members" in why else begin[members]) + why for members, why in final_reasons.items()]
+    sentences = [("" if "members" in why else begin[members]) + why for members, why in final_reasons.items()]
     tried = f" (tried too: {'; '.join(sentences)})" if sentences else ""
     return NotMadeError(f"{no_strategy_error(over) if len({error.way for error in over}) > 1 else over[-1]}{tried}")
 
