@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -53,11 +53,22 @@ GAIN = 1.01
 class CellMesh:
     """A cut sheet during its improvement, and the surface `uncut` that it was cut from.
 
-    strayed : (n',) upper limit of the distance by which edges of stripes at each vertex have moved, metres."""
+    strayed        : (n',) upper limit of the distance by which edges of stripes at each vertex have moved, metres.
+    smallest_angle : (m',) the smallest angle of each cell, degrees.
+    least_area     : minimum area of a cell, square metres."""
 
     sheet: Sheet
     uncut: Surface
     strayed: Floats
+    smallest_angle: Floats
+    least_area: float
+
+    @classmethod
+    def from_sheet(cls, sheet: Sheet, uncut: Surface) -> Self:
+        """Return all cells of a sheet, material and void, that was cut from the surface `uncut`."""
+        least_area = CELL_AREA * float(np.sum(np.ptp(sheet.surface.V, axis=0) ** 2))
+        angle = _cell_angles(sheet.surface.V[sheet.surface.F], uncut.normals[sheet.parent], least_area)
+        return cls(replace(sheet, sides_on=sheet.lines_of_edges), uncut, np.zeros(sheet.surface.n), angle, least_area)
 
     @property
     def surface(self) -> Surface:
@@ -110,21 +121,9 @@ class CellMesh:
         np.add.at(total, b, a)
         return total
 
-    @cached_property
-    def smallest_angle(self) -> Floats:
-        """(m',) the smallest angle of each cell, degrees."""
-        return self.angles(self.surface.F, self.sheet.parent)
-
     def angles(self, F: Ints, parent: Ints) -> Floats:
         """Return the smallest angle (k,) of triangles in uncut faces, degrees: negative if reversed, 0 without area."""
-        P, normals = self.surface.V[F], self.uncut.normals[parent]
-        twice = np.einsum("ki,ki->k", np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]), normals)
-        return np.where(np.abs(twice) <= 2 * self.least_area, 0.0, least_angles(P, normals))
-
-    @cached_property
-    def least_area(self) -> float:
-        """Minimum area of a cell, square metres."""
-        return CELL_AREA * float(np.sum(np.ptp(self.surface.V, axis=0) ** 2))
+        return _cell_angles(self.surface.V[F], self.uncut.normals[parent], self.least_area)
 
     @cached_property
     def stars(self) -> tuple[Ints, Ints]:
@@ -144,9 +143,18 @@ class CellMesh:
         """Return the mesh with only those triangles of F (m', 3) that `keep` (m',) marks.
 
         sides_on : (m', 3) see `Sheet`.    strayed : (n',) see `CellMesh`."""
-        columns = (self.sheet.parent[keep], self.sheet.family[keep], self.sheet.weights, 0, sides_on[keep])
+        parent, angle = self.sheet.parent, self.smallest_angle.copy()
+        changed = (F != self.surface.F).any(axis=1) & keep
+        angle[changed] = self.angles(F[changed], parent[changed])
+        columns = (parent[keep], self.sheet.family[keep], self.sheet.weights, 0, sides_on[keep])
         sheet = Sheet(Surface(self.surface.V, F[keep]), *columns, self.sheet.lines)
-        return CellMesh(sheet, self.uncut, strayed)
+        return replace(self, sheet=sheet, strayed=strayed, smallest_angle=angle[keep])
+
+
+def _cell_angles(P: Floats, normals: Floats, least_area: float) -> Floats:
+    """Return the smallest angle (k,) of triangles P (k, 3, 3), degrees: negative if reversed, 0 without area."""
+    twice = np.einsum("ki,ki->k", np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]), normals)
+    return np.where(np.abs(twice) <= 2 * least_area, 0.0, least_angles(P, normals))
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
@@ -172,18 +180,31 @@ class CollapseMoves(NamedTuple):
         return CollapseMoves._make(column[which] for column in self)
 
 
-def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
-    """Collapse edges where this increases the smallest angle around a vertex; return also the number of collapses.
+class Change(NamedTuple):
+    """A mesh after a round of collapses or flips, and their number. In all other places a next round finds nothing new.
 
-    tolerance : largest move of an edge of a stripe, a family or the surface, metres."""
-    moves = _along_lines(cut, _candidates(cut), tolerance)
+    near : (n',) mask of vertices at a cell that the round changed, or may change in the next round."""
+
+    mesh: CellMesh
+    count: int
+    near: Bools
+
+
+def collapse_edges(cut: CellMesh, tolerance: float, near: Bools) -> Change:
+    """Collapse edges where this increases the smallest angle around a vertex.
+
+    tolerance : largest move of an edge of a stripe, a family or the surface, metres.
+    near      : (n',) mask of vertices; each collapsed edge has such an end."""
+    moves = _within_faces(cut, _along_lines(cut, _candidates(cut, near), tolerance))
     moves, gain = _improving_moves(cut, moves)
+    near = np.zeros(len(near), dtype=bool)
     if not len(moves.v):
-        return cut, 0
+        return Change(cut, 0, near)
     rank = np.empty(len(gain), dtype=np.int64)
     rank[np.argsort(-gain, kind="stable")] = np.arange(len(gain))
     stars = [cut.star_cells(end) for end in (moves.v, moves.w)]
     row, face = (np.concatenate(column) for column in zip(*stars, strict=True))
+    near[cut.surface.F[face]] = True
     moves = moves.subset(independent(row, face, rank, len(cut.surface.F)))
     onto = np.arange(len(cut.surface.V))
     onto[moves.v] = moves.w
@@ -197,7 +218,7 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
     np.maximum.at(strayed, moves.w, moves.strayed)
     has_area = (np.roll(F, 1, axis=1) != F).all(axis=1)
     sides_on = _merged_sides(cut.sheet, np.flatnonzero(~has_area), onto)
-    return cut.with_cells(F, sides_on, has_area, strayed), len(moves.v)
+    return Change(cut.with_cells(F, sides_on, has_area, strayed), len(moves.v), near)
 
 
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
@@ -215,21 +236,24 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
     return sides_on.reshape(-1, 3)
 
 
-def _candidates(cut: CellMesh) -> CollapseMoves:
+def _candidates(cut: CellMesh, near: Bools) -> CollapseMoves:
     """Return moves of new vertices along edges of material triangles with an angle under 25 degrees.
 
-    No move takes a triangle out of its uncut face."""
+    near : (n',) mask of vertices; each edge has such an end."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
+    edge = edge[near[cut.surface.edges.ends[edge]].any(axis=1)]
     v, w = np.concatenate([cut.surface.edges.ends[edge], cut.surface.edges.ends[edge][:, ::-1]]).T
     is_new = (cut.support[v] >= 0).sum(axis=1) > 1
-    v, w = v[is_new], w[is_new]
-    row, face = cut.star_cells(v)
-    corner, support = cut.uncut.F[cut.sheet.parent[face]], cut.support[w[row]]
+    return CollapseMoves(v[is_new], w[is_new], np.zeros(np.count_nonzero(is_new)))
+
+
+def _within_faces(cut: CellMesh, moves: CollapseMoves) -> CollapseMoves:
+    """Select the moves that take no triangle out of its uncut face."""
+    row, face = cut.star_cells(moves.v)
+    corner, support = cut.uncut.F[cut.sheet.parent[face]], cut.support[moves.w[row]]
     outside = ((support >= 0) & (support[:, :, None] != corner[:, None]).all(axis=2)).any(axis=1)
-    within = np.bincount(row, outside, len(v)) == 0
-    v, w = v[within], w[within]
-    return CollapseMoves(v, w, np.zeros(len(v)))
+    return moves.subset(np.bincount(row, outside, len(moves.v)) == 0)
 
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
@@ -291,18 +315,23 @@ def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F:
     return np.asarray((common == cut.surface.edges.count[cut.edge(moves.v, moves.w)]) & ~closes)
 
 
-def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
-    r"""Flip edges where this increases the smallest angle of two neighbouring cells; return also the number of flips.
+def flip_edges(cut: CellMesh, near: Bools) -> Change:
+    r"""Flip edges where this increases the smallest angle of two neighbouring cells.
 
       c            c
      /|\          / \        Both cells must have the same family and the same uncut face.
     a | b   ->   a---b
      \|/          \ /
-      d            d"""
+        d            d
+
+    near : (n',) mask of vertices; one of the two cells has three such vertices."""
     h, g = cut.surface.edges.pairs.T
     f, e = h // 3, g // 3
     parent, family = cut.sheet.parent, cut.sheet.family
-    flippable = (parent[f] == parent[e]) & (family[f] == family[e]) & (family[f] != VOID)
+    near_cell = near[cut.surface.F].all(axis=1)
+    flippable = (
+        (parent[f] == parent[e]) & (family[f] == family[e]) & (family[f] != VOID) & (near_cell[f] | near_cell[e])
+    )
     h, g, f, e = h[flippable], g[flippable], f[flippable], e[flippable]
     d, c, b = (cut.surface.F[f, (h + k) % 3] for k in range(3))  # half-edge h: from d to c
     a = cut.surface.F[e, (g + 2) % 3]
@@ -312,6 +341,8 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
     better = np.flatnonzero(new_angle > GAIN * old_angle)  # a-b cannot exist yet: it would cross c-d in the flat face
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
+    near = np.zeros(len(near), dtype=bool)
+    near[first_cell[better]] = near[second_cell[better]] = True
     rank = np.arange(len(better))
     pair_faces = np.concatenate([f[better], e[better]])
     chosen = better[independent(np.concatenate([rank, rank]), pair_faces, rank, len(cut.surface.F))]
@@ -322,7 +353,7 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     )
     sides_on = cut.sheet.sides_on.copy()
     sides_on[f[chosen]], sides_on[e[chosen]] = (np.stack([*pair, 0 * cb], axis=1) for pair in ((ac, cb), (bd, da)))
-    return cut.with_cells(F, sides_on, np.ones(len(F), dtype=bool), cut.strayed), len(chosen)
+    return Change(cut.with_cells(F, sides_on, np.ones(len(F), dtype=bool), cut.strayed), len(chosen), near)
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,12 +391,12 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
 
     Cells stay in their uncut faces, and vertices stay in place or disappear. So interpolated fields stay exact. The
     surface keeps its topology."""
-    cut = CellMesh(replace(sheet, sides_on=sheet.lines_of_edges), uncut, np.zeros(sheet.surface.n))
+    cut, near = CellMesh.from_sheet(sheet, uncut), np.ones(sheet.surface.n, dtype=bool)
     flips = collapses = 0
     for _ in range(40):  # usually under ten are needed
-        cut, fewer = collapse_edges(cut, tolerance)
-        cut, turned = flip_edges(cut)
-        flips, collapses = flips + turned, collapses + fewer
+        cut, fewer, near_collapses = collapse_edges(cut, tolerance, near)
+        cut, turned, near_flips = flip_edges(cut, near | near_collapses)
+        flips, collapses, near = flips + turned, collapses + fewer, near_collapses | near_flips
         if not fewer and not turned:
             break
     before = quality(sheet.subset().surface)
