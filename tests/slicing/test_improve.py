@@ -132,4 +132,4 @@ def test_no_cell_is_made_that_no_surface_takes(scale, turns):
     uncut, of = Surface(V, [[0, 4, 5]]), np.zeros(2, dtype=int)
     sheet = Sheet(Surface(V, F), of, of, csr_array(np.eye(len(V))))
     everywhere = np.ones(len(V), dtype=bool)
-    assert flip_edges(CellMesh.from_sheet(sheet, uncut), everywhere).count == turns
+    assert flip_edges(CellMesh.from_sheet(sheet, uncut), everywhere).number == turns

@@ -186,7 +186,7 @@ class Change(NamedTuple):
     near : (n',) mask of vertices at a cell that the round changed, or may change in the next round."""
 
     mesh: CellMesh
-    count: int
+    number: int
     near: Bools
 
 
@@ -328,7 +328,7 @@ def flip_edges(cut: CellMesh, near: Bools) -> Change:
     h, g = cut.surface.edges.pairs.T
     f, e = h // 3, g // 3
     parent, family = cut.sheet.parent, cut.sheet.family
-    near_cell = near[cut.surface.F].all(axis=1)
+    near_cell = np.asarray(near[cut.surface.F].all(axis=1))
     flippable = (
         (parent[f] == parent[e]) & (family[f] == family[e]) & (family[f] != VOID) & (near_cell[f] | near_cell[e])
     )
