@@ -183,28 +183,28 @@ class CollapseMoves(NamedTuple):
 class Change(NamedTuple):
     """A mesh after a round of collapses or flips, and their number. In all other places a next round finds nothing new.
 
-    near : (n',) mask of vertices at a cell that the round changed, or may change in the next round."""
+    zone : (n',) mask of vertices at a cell that the round changed, or may change in the next round."""
 
     mesh: CellMesh
     number: int
-    near: Bools
+    zone: Bools
 
 
-def collapse_edges(cut: CellMesh, tolerance: float, near: Bools) -> Change:
+def collapse_edges(cut: CellMesh, tolerance: float, zone: Bools) -> Change:
     """Collapse edges where this increases the smallest angle around a vertex.
 
     tolerance : largest move of an edge of a stripe, a family or the surface, metres.
-    near      : (n',) mask of vertices; each collapsed edge has such an end."""
-    moves = _within_faces(cut, _along_lines(cut, _candidates(cut, near), tolerance))
+    zone      : (n',) mask of vertices; each collapsed edge has such an end."""
+    moves = _within_faces(cut, _along_lines(cut, _candidates(cut, zone), tolerance))
     moves, gain = _improving_moves(cut, moves)
-    near = np.zeros(len(near), dtype=bool)
+    zone = np.zeros(len(zone), dtype=bool)
     if not len(moves.v):
-        return Change(cut, 0, near)
+        return Change(cut, 0, zone)
     rank = np.empty(len(gain), dtype=np.int64)
     rank[np.argsort(-gain, kind="stable")] = np.arange(len(gain))
     stars = [cut.star_cells(end) for end in (moves.v, moves.w)]
     row, face = (np.concatenate(column) for column in zip(*stars, strict=True))
-    near[cut.surface.F[face]] = True
+    zone[cut.surface.F[face]] = True
     moves = moves.subset(independent(row, face, rank, len(cut.surface.F)))
     onto = np.arange(len(cut.surface.V))
     onto[moves.v] = moves.w
@@ -218,7 +218,7 @@ def collapse_edges(cut: CellMesh, tolerance: float, near: Bools) -> Change:
     np.maximum.at(strayed, moves.w, moves.strayed)
     has_area = (np.roll(F, 1, axis=1) != F).all(axis=1)
     sides_on = _merged_sides(cut.sheet, np.flatnonzero(~has_area), onto)
-    return Change(cut.with_cells(F, sides_on, has_area, strayed), len(moves.v), near)
+    return Change(cut.with_cells(F, sides_on, has_area, strayed), len(moves.v), zone)
 
 
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
@@ -236,13 +236,13 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
     return sides_on.reshape(-1, 3)
 
 
-def _candidates(cut: CellMesh, near: Bools) -> CollapseMoves:
+def _candidates(cut: CellMesh, zone: Bools) -> CollapseMoves:
     """Return moves of new vertices along edges of material triangles with an angle under 25 degrees.
 
-    near : (n',) mask of vertices; each edge has such an end."""
+    zone : (n',) mask of vertices; each edge has such an end."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
-    edge = edge[near[cut.surface.edges.ends[edge]].any(axis=1)]
+    edge = edge[zone[cut.surface.edges.ends[edge]].any(axis=1)]
     v, w = np.concatenate([cut.surface.edges.ends[edge], cut.surface.edges.ends[edge][:, ::-1]]).T
     is_new = (cut.support[v] >= 0).sum(axis=1) > 1
     return CollapseMoves(v[is_new], w[is_new], np.zeros(np.count_nonzero(is_new)))
@@ -315,7 +315,7 @@ def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F:
     return np.asarray((common == cut.surface.edges.count[cut.edge(moves.v, moves.w)]) & ~closes)
 
 
-def flip_edges(cut: CellMesh, near: Bools) -> Change:
+def flip_edges(cut: CellMesh, zone: Bools) -> Change:
     r"""Flip edges where this increases the smallest angle of two neighbouring cells.
 
       c            c
@@ -324,14 +324,12 @@ def flip_edges(cut: CellMesh, near: Bools) -> Change:
      \|/          \ /
         d            d
 
-    near : (n',) mask of vertices; one of the two cells has three such vertices."""
+    zone : (n',) mask of vertices; one of the two cells has three such vertices."""
     h, g = cut.surface.edges.pairs.T
     f, e = h // 3, g // 3
     parent, family = cut.sheet.parent, cut.sheet.family
-    near_cell = np.asarray(near[cut.surface.F].all(axis=1))
-    flippable = (
-        (parent[f] == parent[e]) & (family[f] == family[e]) & (family[f] != VOID) & (near_cell[f] | near_cell[e])
-    )
+    in_zone = np.asarray(zone[cut.surface.F].all(axis=1))
+    flippable = (parent[f] == parent[e]) & (family[f] == family[e]) & (family[f] != VOID) & (in_zone[f] | in_zone[e])
     h, g, f, e = h[flippable], g[flippable], f[flippable], e[flippable]
     d, c, b = (cut.surface.F[f, (h + k) % 3] for k in range(3))  # half-edge h: from d to c
     a = cut.surface.F[e, (g + 2) % 3]
@@ -341,8 +339,8 @@ def flip_edges(cut: CellMesh, near: Bools) -> Change:
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
     better = np.flatnonzero(new_angle > GAIN * old_angle)  # a-b cannot exist yet: it would cross c-d in the flat face
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
-    near = np.zeros(len(near), dtype=bool)
-    near[first_cell[better]] = near[second_cell[better]] = True
+    zone = np.zeros(len(zone), dtype=bool)
+    zone[first_cell[better]] = zone[second_cell[better]] = True
     rank = np.arange(len(better))
     pair_faces = np.concatenate([f[better], e[better]])
     chosen = better[independent(np.concatenate([rank, rank]), pair_faces, rank, len(cut.surface.F))]
@@ -353,7 +351,7 @@ def flip_edges(cut: CellMesh, near: Bools) -> Change:
     )
     sides_on = cut.sheet.sides_on.copy()
     sides_on[f[chosen]], sides_on[e[chosen]] = (np.stack([*pair, 0 * cb], axis=1) for pair in ((ac, cb), (bd, da)))
-    return Change(cut.with_cells(F, sides_on, np.ones(len(F), dtype=bool), cut.strayed), len(chosen), near)
+    return Change(cut.with_cells(F, sides_on, np.ones(len(F), dtype=bool), cut.strayed), len(chosen), zone)
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,12 +389,12 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
 
     Cells stay in their uncut faces, and vertices stay in place or disappear. So interpolated fields stay exact. The
     surface keeps its topology."""
-    cut, near = CellMesh.from_sheet(sheet, uncut), np.ones(sheet.surface.n, dtype=bool)
+    cut, zone = CellMesh.from_sheet(sheet, uncut), np.ones(sheet.surface.n, dtype=bool)
     flips = collapses = 0
     for _ in range(40):  # usually under ten are needed
-        cut, fewer, near_collapses = collapse_edges(cut, tolerance, near)
-        cut, turned, near_flips = flip_edges(cut, near | near_collapses)
-        flips, collapses, near = flips + turned, collapses + fewer, near_collapses | near_flips
+        cut, fewer, collapse_zone = collapse_edges(cut, tolerance, zone)
+        cut, turned, flip_zone = flip_edges(cut, zone | collapse_zone)
+        flips, collapses, zone = flips + turned, collapses + fewer, collapse_zone | flip_zone
         if not fewer and not turned:
             break
     before = quality(sheet.subset().surface)
