@@ -86,7 +86,7 @@ class EvenStripes:
     """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
 
     phases  : phases of each family's finest lines, before halving (removal of each second line).
-    wanted  : (m,) fraction of each face in which a halving removes no lines, for each family and each halving.
+    wanted  : (m,) fraction of each face in which a halving removes no lines, for each family and halving, finest first.
     slope   : (n, 2) finest lines per metre.    density : (n, 2) lines per metre after halving.
     first   : number of the family, 0 or 1, whose finer lines are added first.
     chart   : surface divided at ends of lines, with both phases, for pictures and measures.
@@ -226,7 +226,7 @@ class PatternResult:
         return self.fields, self.levels, self.tidy
 
     def with_trial(self, trial: TrialCut | None) -> "PatternResult":
-        """Return this pattern with `trial`, if `trial` is a cut of the same fields and levels; else this pattern."""
+        """Return this pattern with `trial`, if it is a cut of the same fields, levels and `tidy`; else this pattern."""
         return replace(self, trial=trial) if trial and trial.is_cut_of(self.cut_inputs) else self
 
     def half_width(self, family: str) -> Floats:

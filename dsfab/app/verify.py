@@ -170,5 +170,5 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list
     counts = Counter(standing.outcome for standing in standings(rows, {test.name: test for test in tests}))
     if counts:
         outcomes = ", ".join(f"{name} {counts[name]}" for name in ("better", "alike", "worse") if counts[name])
-        lines.append(f"{pair} and {counts.total()} published values from meshes of equal size: {outcomes}")
+        lines.append(f"{pair} beside {counts.total()} published values from meshes of equal size: {outcomes}")
     return [*lines, summary_text(shipped_table())]

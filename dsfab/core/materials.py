@@ -87,7 +87,7 @@ _ALL = (
     NamedMaterial(
         *("GFRP", 17e9, 0.23, 1800.0, 57e6, 10e-6),
         says="tension along the profile 170 MPa / 3; across it 30 MPa / 3, and young is 5 GPa",
-        source="E17 of EN 13706-3; factor as large as in the EUROCOMP design code; other values from makers' data",
+        source="E17 of EN 13706-3; factor about as large as in the EUROCOMP code; other values from makers' data",
     ),
     NamedMaterial(
         *("PLA", 3.5e9, 0.36, 1240.0, 20e6, 68e-6),

@@ -192,7 +192,7 @@ def keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, .
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the group of the selected mirrors and rotations, and its order; None and 1 if they form no group."""
+    """Return the group of selected mirrors and rotations, and its order; None and 1 without a group of two or more."""
     R = symmetry.R[selected]
     maps = tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):

@@ -106,7 +106,7 @@ def optimal_force_candidates(
 def respaced_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes with larger and smaller spacings. With `halve`, crowded stripes end early.
+    """Yield the best evenly spaced stripes with larger and smaller spacings, with and without halving.
     Yield nothing if there is no solid fraction, or if the preset sets the spacings."""
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not preset.pattern.width.solid_fraction:

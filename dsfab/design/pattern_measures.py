@@ -207,7 +207,7 @@ def _asymmetric_share(
 ) -> float:
     """Return the share of the area where material differs from its symmetric image, for the worst image.
     surface  : uncut surface; its centroid is the centre of rotations and mirrors.
-    faces    : faces with sample points. Each point stands for the same area. The points are in an irregular order.
+    faces    : faces with sample points. Each point stands for the same area. The points do not lie in rows.
     material : function of points (p, 3); returns True (p,) if the nearest place on the faces is material.
     samples  : approximate number of points times number of images."""
     centre = centroid(surface)

@@ -237,7 +237,7 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
         log.note("slicing", f"{bridges} built where openings are narrower than {length(options.neck)}")
     if spikes:
         teeth = _count_phrase(spikes, "a tooth of a member was", "teeth of members were")
-        log.note("slicing", f"{teeth} cut off: points that projected into openings")
+        log.note("slicing", f"{teeth} cut off where members projected into openings")
     if widened:
         least = length(preset.slicing.min_member or 0)
         log.note("slicing", f"members were widened to {least} at {places_phrase(widened)}")

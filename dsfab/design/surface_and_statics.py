@@ -157,7 +157,7 @@ def _note_answers(
 
 def _note_case_answers(under: str, answers: Answers, sheet: Statics, log: Log) -> None:
     if answers.assumed:
-        log.note("statics", f"the sheet vibrates and buckles out of its plane{under}: {answers.assumed}")
+        log.note("statics", f"frequencies and buckling{under} are for movements out of the plane: {answers.assumed}")
     for refusal in answers.refusals:
         aside = "" if answers.elements.bending else " (it was solved in its plane, but vibrates and buckles out of it)"
         log.note("statics", refusal + under + aside)

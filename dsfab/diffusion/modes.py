@@ -93,7 +93,7 @@ class Modes:
         lock_floats(self, lam=(None,), X=(None, len(self.lam)))
 
     def mode(self, number: int) -> Floats:
-        """Return mode `number` (n,). Mode 1 is the first that is not constant.
+        """Return mode `number` (n,). Mode 1 is the first that is not constant, as in the paper's figures.
         Raises PatternError for a number beyond the computed modes."""
         if not 1 <= number <= len(self.lam):
             raise PatternError(f"mode {number} does not exist; modes 1 to {len(self.lam)} were computed")

@@ -70,7 +70,7 @@ class Symmetry:
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the largest RMS difference of a field (n,) from a mirrored or rotated field, divided by its RMS."""
+        """Return the largest RMS difference of a field (n,) from its mirrored or rotated images / RMS of the field."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size

@@ -251,7 +251,7 @@ def _require_content(form: Format, part: Part, suffix: str) -> None:
     if not isinstance(form, MemberFormat):
         return
     if form.content == "member_forces" and details.member_forces is not None and not details.member_forces:
-        raise ExportError(f"{part.name!r} has no member forces: no member joins two nodes; write forces.csv instead")
+        raise ExportError(f"{part.name!r} has no member with a long enough bay between nodes; write forces.csv instead")
     if not getattr(details, form.content):
         raise ExportError(f"{part.name!r} has {MISSING[form.content]}: use design.write(...)")
 

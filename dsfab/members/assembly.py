@@ -17,7 +17,7 @@ from dsfab.surface import Surface
 
 TIE = 1e-3  # Largest difference between equal positions along the structure, as a fraction of its size.
 ROUND, HOLLOW = 0.5, 0.4
-"""Members form a ring if the positions of their centroids exceed both of these values.
+"""Members form a ring if these two ratios of their centroids exceed the values.
 ROUND  : spread in the second principal direction, divided by the spread in the first.
 HOLLOW : smallest distance from the centre, divided by the largest."""
 
@@ -27,7 +27,7 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     size : largest dimension of the structure, metres.
 
     Members of a ring are ordered counter-clockwise from the x axis, seen from above. Other members are ordered along
-    the direction of their largest spread. At equal positions, members are ordered by length, then by x, y and z."""
+    the direction of their largest spread. At equal positions, the shorter is first, then the one of smaller x, y, z."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)

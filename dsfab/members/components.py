@@ -58,7 +58,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     """Return the kind and the stripes of a field of kept material, from values x (n,) or (n, 2) at the vertices.
-    "reach": all points within a distance. "plate": a region. "band": a strip along its outline, with x (n, 2)."""
+    "reach": all points within a distance. "plate": a region. "band": a strip along an outline, with x (n, 2)."""
     zero = np.zeros(1)
     if x.ndim == 2:  # column 0 is positive in the region; column 1: distance from its outline minus the band's width
         width = -float(x[:, 1].min())
@@ -147,7 +147,7 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
-    """Return True if connected cells (c,) lie on one side of their stripe's middle line and are shorter than wide.
+    """Return True if connected cells (c,) lie on one side of their stripe's middle and are shorter than its width.
     Cutting of the sheet and smoothing of its edges leave these pieces."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():

@@ -374,7 +374,7 @@ def _angle(a: Floats, b: Floats) -> float:
 
 def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
     """Return the members with the names of their ends.
-    An end has the name of a nearby node (see `ENDS`), else of an adjacent member, else "edge" (of the sheet) or "free".
+    An end has the name of a nearby node (see `ENDS`), else of an adjacent member, else "edge" (of `surface`) or "free".
     owner   : (m, f) member of each cell for each field, -1 for none.
     surface : the surface before it was cut."""
     members, parts = joints.members, joints.parts

@@ -84,7 +84,7 @@ Such a line ends inside, INTO widths after it enters the material, so that it me
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Remove parts of strips that run inside kept material, such as a rim; their cells go to the rim's component."""
+    """Remove parts of strips inside kept material, such as a rim; their cells go to the component that hides them."""
     areas, made_by = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, components)
     is_kept = np.array([c.kind != "strip" and c.field >= 0 for c in components], dtype=bool)

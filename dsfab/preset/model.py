@@ -311,8 +311,8 @@ class Pattern(Section):
     method: Method = "modes"
     """modes: stripes on eigenmodes (the paper). stripes: evenly spaced stripes along the stress. auto: the stiffest
     pattern without dead ends and slits. auto compares modes, stripes, and stripes with halving. With width.rule
-    constant or graded, auto tries four widths: constant, graded, graded with half of q, and stressed. If the preset
-    sets no spacing, auto compares several spacings."""
+    constant or graded and a solid_fraction, auto tries four widths: constant, graded, graded with half of q, and
+    stressed. If the preset sets no spacing, auto compares several spacings."""
     halve: bool = True
     """For stripes: where lines are too close together, every second one ends on a crossing member. false: none ends."""
     families: Literal["both", "major", "minor"] = "both"
@@ -349,7 +349,7 @@ class Pattern(Section):
     a larger value of keep, a larger spacing, one family and rotate = 45, and use the best pattern."""
     workshop: bool | None = None
     """Close narrow openings and their tips, and widen narrow members. The limits are slicing.min_gap and min_member.
-    Default: true for method stripes, unless width.rule is stressed; false for the other methods."""
+    Default: true for evenly spaced stripes, unless width.rule is stressed; false for stripes on eigenmodes."""
 
     @model_validator(mode="before")
     @classmethod
@@ -472,7 +472,7 @@ class Fabrication(Section):
     min_member: Annotated[float, Ge(0)] = 0.0
     """Smallest width of members, metres. 0: only the limit of pattern.workshop is checked."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Smallest width of openings, metres; 0: no check. With pattern.workshop, pointed ends of openings count, too."""
+    """Smallest width of openings (with pattern.workshop also tips), metres. 0: only the limit of pattern.workshop."""
     min_wall: Annotated[float, Ge(0)] = 0.0
     """Smallest thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False

@@ -106,8 +106,8 @@ def _draws(name: str) -> bool:
 
 
 _ADVICE = {
-    "linux": "on Debian, Ubuntu install libegl1 and libgl1-mesa-dri, or libosmesa6; on Fedora install mesa-libEGL and "
-    "mesa-dri-drivers",
+    "linux": "on Debian or Ubuntu install libegl1 and libgl1-mesa-dri, or libosmesa6; on Fedora install mesa-libEGL "
+    "and mesa-dri-drivers",
     "darwin": "on macOS run dsfab in a session with a screen; macOS already contains OpenGL",
     "win32": "on Windows install the graphics card's driver or the OpenCL, OpenGL and Vulkan Compatibility Pack",
 }

@@ -43,7 +43,7 @@ def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, Pa
         f"{_measures_text(design, integrated)}"
         f"{len(all_lines)} lines were traced as far apart as the stripes. {sum(line.loose for line in all_lines)} of "
         "their ends lie "
-        "inside the surface, too near to another line, or at a place without a clear direction."
+        "inside the surface, because they came too near to another line or to a place without a clear direction."
     )
     return PaperComparison("Beside earlier work", words, tuple(rows))
 

@@ -115,7 +115,7 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
 
 
 def _doubled_area_gradients(surface: Surface) -> Floats:
-    """Return each corner's hat function gradient times twice the area, (3, 3, m): cross product of normal and edge."""
+    """Return each corner's hat function gradient times twice the area, (3, 3, m): normal x opposite edge."""
     P = surface.V[surface.F].transpose(1, 2, 0)
     edge = np.roll(P, -2, axis=0) - np.roll(P, -1, axis=0)
     n = surface.normals.T

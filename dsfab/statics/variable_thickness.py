@@ -18,7 +18,7 @@ from dsfab.surface import LoadCase
 LEAST = 1e-4
 """Least thickness, as a fraction of the sheet's thickness, so that empty faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Change of thickness, as a fraction, at which the steps end; largest change per step; largest number of steps."""
+"""Fractions of the sheet's thickness: change at which the steps end, largest change per step. Most steps."""
 
 
 class VaryingSheet(NamedTuple):

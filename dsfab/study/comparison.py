@@ -34,7 +34,7 @@ NameReport = Callable[[str], None]  # receives the name of the structure that is
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """A design and its competitors, structures of the same mass, under the loads that the pattern follows.
+    """A design, the full sheet, and competitors of the design's mass, under the loads that the pattern follows.
     The compliance is the sum over the load cases, with the weights of [diffusion]; a smaller compliance is stiffer.
     task      : common input of the competitors.
     pattern   : quality of the design's pattern; None if its widths are scaled or it cannot be cut.

@@ -63,7 +63,7 @@ class StructureLine:
     """A line of the structure, as a polyline on the surface.
     kind   : "edge", an edge of the material, or "centre", the middle line of a member.
     family : "major", "minor", "keep" (kept regions), "rim", or "boundary" for edges of the uncut surface.
-    number : number of the stripe in its family; 0 for lines without a stripe.
+    number : number of the stripe in its family: the stripe coordinate of its middle line; 0 without a stripe.
     part   : 1, 2, ... among the lines of the same kind, family and number.
     points : (k, 3) metres; the last point repeats the first if the line is closed.
     length : length of the line on the mesh, before any simplification, metres."""

@@ -160,7 +160,7 @@ class Offsets:
 
     D        : (n, 3) half of the vector from the lower to the upper skin at each vertex, metres; 0 if it has no faces.
     limited  : number of vertices where the surface bends too sharply for the thickness.
-    smallest : least thickness divided by the wanted thickness, at vertex `tightest`; 1 if no vertex is limited.
+    smallest : smallest ratio of thickness to wanted thickness, at vertex `tightest`; 1 if no vertex is limited.
     sides    : (m, 3) side of a face, 1 or -1, on which D lies at each corner (see `corner_sides`)."""
 
     D: Floats

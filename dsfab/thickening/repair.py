@@ -72,7 +72,7 @@ def flatten_contacts(
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
-    """Return the smallest cosine (n,) between each offset and the face normals around it. Downwards, normals flip."""
+    """Return the smallest cosine (n,) between each offset and the normals around it, on the vertex's upper side."""
     side = np.where(skin.upper < surface.n, 1, -1)
     unit = D / np.linalg.norm(D, axis=1, keepdims=True)
     cosine = np.einsum("mi,mvi->mv", surface.normals, unit[surface.F]) * side

@@ -46,7 +46,7 @@ class BasePlane:
     """Upper face of the base plate of a model.
     point, up : (3,) point in the face, metres, and unit normal of the face.
     supports  : (q, 3) vertices of the surface with a support, metres.
-    reach     : largest distance from a support to the end of a strip that stands on the plate, metres.
+    reach     : the end of a standing strip may be this far from a support, plus the strip's width, metres.
     clearance : gap between a tab and its slot, on each side, metres."""
 
     point: Floats

@@ -23,7 +23,7 @@ BOLT_PITCH = 4.0  # distance between bolts of a splice, in bolt diameters
 
 @dataclass(frozen=True)
 class Layering:
-    """Layers of strips of one thickness (m); layer 0 is the outermost along the surface normals. Bolts of one diameter.
+    """Layers of strips of one thickness (m), bolts of one diameter (m). Layer 0 is the outermost along the normals.
 
     major  ═══════════════     0      numbers for two layers; with four layers both families alternate
     minor  ─┤ ├─── ┤ ├────     1

@@ -447,8 +447,8 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     if strips.shortened:
         notes.append(
             f"{_quantity(len(strips.shortened), 'strip')} {stopping_clause(len(strips.shortened))} other strips "
-            f"of the same layer, or would curl up: {names_and_count(strips.shortened)}; "
-            f"these strips miss {_quantity(len(strips.missed_nodes), 'node')}"
+            f"of the same layer, or curl up: {names_and_count(strips.shortened)}; "
+            f"not reached: {_quantity(len(strips.missed_nodes), 'node')}"
         )
     if strips.vanished:
         notes.append(f"NOT BUILT, because other strips of the layer are in the way: {names_and_count(strips.vanished)}")

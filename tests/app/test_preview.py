@@ -435,7 +435,7 @@ def test_a_machine_without_opengl_names_the_packages_to_install(asked_anew: pyte
     with pytest.raises(DsfabError, match="libegl1 and libgl1-mesa-dri") as caught:
         picture(*SHAPES["slab"](), look=Look(SIZE))
     assert str(caught.value).count(".") == 0  # one sentence
-    assert all(name in str(caught.value) for name in ("Debian, Ubuntu", "Fedora", "macOS", "Windows", "--no-preview"))
+    assert all(name in str(caught.value) for name in ("Debian or Ubuntu", "Fedora", "macOS", "Windows", "--no-preview"))
     assert "libosmesa6" in str(caught.value)
 
 

@@ -211,9 +211,9 @@ def test_a_refusal_over_the_budget_lists_the_failed_ways():
         "tried too: the 'members' solid is 9 mm off; a gap)",
         "tried too: by members, a region bends too much; a gap)",
     ]
-    many = NotByMembersError("along members, the file would have too many; ask", if_asked=True)
+    many = NotByMembersError("by members, the file would have too many; ask", if_asked=True)
     told = str(strategies.refusal([many, ExportError("a gap"), BudgetError(part, 1152)]))
-    assert told.endswith("(tried too: along members, the file would have too many: write step = 'members'; a gap)")
+    assert told.endswith("(tried too: by members, the file would have too many: write step = 'members'; a gap)")
     assert str(strategies.refusal([ExportError("a gap; try this")])) == "a gap; try this"
 
 
@@ -302,7 +302,7 @@ def test_by_members_the_box_of_a_file_of_any_size_decides(slow_vault):
     draft = MemberDraft("", 2, 9000, 0, 0.0)
     two = [[*low, low[0], *high[1:]], [high[0], *low[1:], *high[:2], high[2] + 300.0]]
     found = [OcctFinding(True, True, True, 4500, 1e6, 0.0, box, nothing, nothing, nothing) for box in two]
-    with pytest.raises(ExportError, match="by members OCCT's bounding box of the solid is 300 mm off"):
+    with pytest.raises(ExportError, match="by members, OCCT's bounding box of the solid is 300 mm off"):
         network_build.require_solid(part, build.SmoothPlan(part), draft, found, None)
 
 
@@ -324,6 +324,6 @@ def test_a_file_that_cad_cannot_cut_gives_a_note_with_the_way_to_use(slow_vault)
     assert strategies.way_to_cut(striped, [few, vain]) == "write step = 'faceted'"
     assert strategies.way_to_cut(part, []) == "write step = 'faceted'"
     assert strategies.reasons([few, vain]) == ["too many faces: write step = 'members'", "invalid"]
-    assert strategies.members_clause([NotByMembersError("by members it is off")]) == "; not by members, since it is off"
+    assert strategies.members_clause([NotByMembersError("by members, it fails")]) == "; not by members, since it fails"
     assert strategies.way_to_cut(striped, [BudgetError(part, 11)]) == "raise step_faces and write step = 'members'"
     assert strategies.way_to_cut(striped, [BudgetError(part, 9)]) == "raise step_mb and write step = 'members'"

@@ -370,7 +370,7 @@ def assert_hindrances(plan):
     bend = max(plan.planks.bends.values())
     assert f"bent out of their plane to a strain of {bend:.2%}" in replace(plan, limit=0.9 * bend).obstacle
     for changes, said in (
-        ({"stuck": {"A01": 0.3, "A02": 0.4}}, "slots of 2 planks differ by up to 23 degrees"),
+        ({"stuck": {"A01": 0.3, "A02": 0.4}}, "slots of 2 of them differ by up to 23 degrees"),
         ({"crowded": ["N1 in A01"]}, "without wood between them: N1 in A01"),
         ({"crossings": PlankCrossings([], ["N7"])}, "meet at under 30 degrees at N7, too sharp for slots"),
     ):

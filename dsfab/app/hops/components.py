@@ -23,7 +23,7 @@ from dsfab.workshop import workshop_plan
 INPUTS = (
     HopsParameter("mesh", "M", "The surface, as a mesh.", "Mesh", is_required=True),
     HopsParameter(
-        "supports", "S", "Points that hold the surface near them. Default: the surface's feet.", "Point", is_list=True
+        "supports", "S", "Points that hold the surface near them. Default: proposed supports.", "Point", is_list=True
     ),
     HopsParameter("snow", "Sn", "Pa on the plan. Default: a placeholder for the kind of surface.", "Number"),
     HopsParameter("spacing", "Sp", "Distance from one member to the next, in the unit of the model.", "Number"),

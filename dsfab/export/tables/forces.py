@@ -241,7 +241,7 @@ def _largest(members: Mapping[str, "MemberForces"]) -> Iterator[list[Any]]:
 
 UTILISATION_NOTES = (
     "utilisation: force over resistance of members, for each bay, the largest first; the limit is 1",
-    "units: metres, newtons, newton metres; each row has the forces of the section that gives its utilisation",
+    "units: metres, newtons, newton metres; forces as in member_forces.csv, of the section that gives the utilisation",
 )
 HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", "width [m]", "thickness [m]", "bay [m]")
 

@@ -19,7 +19,7 @@ UNCHECKED = (
     "stability of the structure as a whole: nodes count as supported, so that bays buckle separately",
     "effects of displacements on forces (second order), and imperfections of the surface",
     "slip between layers: dsfab treats each section as solid, as thick as the sheet",
-    "plates, discs and fills; stubs that have no bay between two nodes",
+    "plates and fills; discs and stubs that have no bay between two nodes",
     "fire, fatigue, brittle fracture, corrosion; size of displacements",
 )
 """Topics that dsfab does not check."""

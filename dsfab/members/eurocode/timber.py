@@ -131,7 +131,7 @@ def beam_factor(slenderness: Floats) -> Floats:
 
 
 def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> CheckRatios:
-    """Return the stability checks (b, 1) for the largest stresses and narrowest sections. over : gamma_M / k_mod."""
+    """Return checks (b, 1) of the largest stresses on `slim` sections. length : (b, 1), m; over : gamma_M / k_mod."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
     largest = Stresses(*(np.max(value, axis=1, keepdims=True) for value in vars(stress).values()))
     y, z = (over * value for value in _bending(slim, largest, grade))

@@ -26,7 +26,7 @@ class AxisJoints:
     """Nodes on the axes of members, collected step by step.
     points, names : points (3,) and names of the nodes.
     on     : pairs (arc length, node number) of the nodes on an axis, by member.
-    links  : (node, node, width in metres) for two nodes on different axes that material of the sheet connects.
+    links  : (node, node, width in metres) for two nodes that material beside the axes connects.
     ends   : begin and end of a member's beams, metres along its axis, by member.
     grazed : nodes at which members overlap although their middle lines do not meet."""
 

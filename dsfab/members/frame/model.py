@@ -61,7 +61,7 @@ class Frame:
     combinations : factors of the cases, by name of the combination.
     actions   : permanent, snow, wind or variable, by case; {} if unknown.
     eccentricity : (b,) metres from the beam to the material's middle, to the left along local y.
-    stout     : (b,) width of the member / length of the bay; 1 at nodes where members only touch; 0 for links."""
+    stout     : (b,) width of the member / length of the bay; 1 beside nodes at which members graze; 0 for links."""
 
     points: Floats
     nodes: tuple[str, ...]
@@ -294,7 +294,7 @@ class FrameAgreement:
             return sentence
         where = (
             f"{self.stout:.0%} of the energy is in discs, links, bays wider than {STOUT:g} of their length and bays "
-            "of members that only touch"
+            "of grazing members"
         )
         why = "although the bays are slender" if self.slender else f"{where}, where beams are a rough model"
         return f"{sentence}: {why}; take displacements from the sheet"

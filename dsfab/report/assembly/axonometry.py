@@ -54,7 +54,7 @@ class MemberFaces:
 
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all bars and plates; without bars, of all members (of filled openings only beside planks).
+    """Return the faces of all bars and plates; without bars, of members with parts (fills only in plans of planks).
     Faces show the uppermost layer of a strip, two sides and the upper edge of a plank, and one side of a plate."""
     assert plan.graph is not None
     if plan.bars:

@@ -123,7 +123,7 @@ def _kept_words(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return the sums of forces of each case and combination, on the cut sheet if every load meets material."""
+    """Return the sums of forces of each case and combination, on the cut sheet if it carries every load."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}

@@ -68,7 +68,7 @@ class PolygonMesh:
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Return the mesh after field k made polygons (c,) material; in faces `blank` (m,), they become crossings."""
+        """Return the mesh after field k made polygons (c,) material; in faces `blank` (m,), they become nodes."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)

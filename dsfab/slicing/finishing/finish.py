@@ -3,7 +3,7 @@
 polygons                                cells
 --------                                -----
 ends        join stripes at a node      pinches   join or split point contacts of material
-closed      close marked openings       filled    fill openings that are much smaller than others
+closed      close marked openings       filled    fill small openings
 loose_ends  cut stripes back            merged    fill slits, also after fairing
 stubs       remove ends near a node     bridged   bridge narrow places of openings
 bars        straighten bent bars        spikes    cut off spikes of material

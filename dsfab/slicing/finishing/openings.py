@@ -242,7 +242,7 @@ class Strip:
 
     @classmethod
     def from_wall(cls, sheet: Sheet, wall: int, ends: Floats, half: Floats) -> "Strip | None":
-        """Return a strip from edge `wall` across an opening, between points `ends` (2, 3); None for equal points."""
+        """Return a strip from wall `wall` across an opening, along the points `ends` (2, 3); None for equal points."""
         surface, first_cell = sheet.surface, int(sheet.walls.void_cells[wall])
         direction = ends[1] - ends[0]
         gap = float(np.linalg.norm(direction))

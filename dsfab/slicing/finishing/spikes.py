@@ -81,9 +81,9 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Return re-entrant corners of an outline before (step -1) or behind (1) the vertex `tip`, up to `longest` metres.
+    """Return re-entrant corners before (step -1) or behind (1) the start of wall `tip`, up to `longest` metres.
 
-    For each corner: the number of outline edges (walls) up to the tip, and their total length, metres."""
+    For each corner: the number of outline edges (walls) up to this start, and their total length, metres."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))

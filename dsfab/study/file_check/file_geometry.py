@@ -76,7 +76,7 @@ def read_shipped(
     suffix = path.suffix.lower()
     if path.is_dir():
         names = sorted(file.name for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
-        hint = f"give {path / names[0]}" if names else f"the folder has no file to check: {', '.join(SUFFIXES)}"
+        hint = f"give {path / names[0]}" if names else f"the folder has no file to check ({', '.join(SUFFIXES)})"
         raise ExportError(f"{path} is a folder; {hint}")
     if suffix not in SUFFIXES:
         raise ExportError(f"{path} has the suffix {suffix!r}; `dsfab check` reads {', '.join(SUFFIXES)}")

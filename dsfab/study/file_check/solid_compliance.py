@@ -219,7 +219,7 @@ GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 
 @dataclass(frozen=True)
 class SolidCompliance:
-    """Compliances (J) of a design's cut sheet (`shell`) and of the solid in a file (`solid`) under the same loads.
+    """Compliances (J) of a cut sheet (`shell`) and a file's solid (`solid`) under the loads that the pattern follows.
     tetrahedra : number of tetrahedra in the solid model.    unknowns : number of unknowns.
     edge       : longest edge on the surface of the solid model, metres.    elements : elements of the shell."""
 

@@ -12,7 +12,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""A structure snaps through if displacement / load exceeds `CANDIDATE` x its first and `JUMP` x its previous value."""
+"""A snap: displacement per load of a step over `CANDIDATE` x that of the first and `JUMP` x that of the step before."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the point after which the computation of a path may stop, or None. It is the point after a snap-through,
+    """Return the number of the last point of a path that is needed, or None. It is the point after a snap-through,
     or a point from which CalculiX fails even with a step of less than 2.5 % of the load."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)

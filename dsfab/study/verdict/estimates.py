@@ -45,7 +45,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate by the ratio of the last two differences; if it is not positive, by `EXTRAPOLATION_DIVISOR`."""
+    """Extrapolate by the last two steps' ratio, limited to `STEP_RATIOS`; if it is <= 0, by `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR

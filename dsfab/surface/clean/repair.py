@@ -135,7 +135,7 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
     """Return all faces (k,), but only one face of each set of overlapping faces.
-    A set disappears entirely if two other faces meet at an edge of the set, as at a cushion's corner."""
+    A face disappears with all its copies if two other faces meet at one of its edges, as at a cushion's corner."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once

@@ -65,7 +65,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return the unit normals (r, 4, 3) of the flat neighbours of quads; 0 at sides with no, two or bent neighbours.
+    """Return the unit normals (r, 4, 3) of the flat neighbours of quads; 0 at sides with none, several or a bent one.
     bent   : (f,) faces that are not flat.
     starts : (r,) index in `corners` of the first corner of each quad."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))

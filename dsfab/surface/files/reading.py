@@ -327,7 +327,7 @@ BLOCK = 1 << 20  # Number of characters that are split into lines between two ch
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file with line feeds, remarks on likely faults, and whether the last line is complete."""
+    """The text of a file (lines end with line feeds), remarks on likely faults, whether the last line is complete."""
 
     text: str
     doubts: tuple[str, ...]

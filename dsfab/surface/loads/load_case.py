@@ -15,7 +15,7 @@ from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
-EDGE_ON = 1e-12  # A face is parallel to a direction if the cosine of its normal and the direction is at most this.
+EDGE_ON = 1e-12  # A face with the normal n is parallel to a unit direction d if |n . d| is at most this.
 
 
 @dataclass(frozen=True)

@@ -217,7 +217,7 @@ def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> Outlined
 
 
 def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurface:
-    """Return the surface with edges along its intersection line with an extent; its old vertices come first.
+    """Return the surface with edges along the line where an extent's walls meet it; its old vertices come first.
     fixed : (n,) vertices on earlier outlines, which stay in place.
     Corners of the line become vertices. Edges follow its curves within `LINE_TOLERANCE`. Raises SurfaceError if the
     extent is so narrow that too many faces are needed."""
@@ -263,7 +263,7 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Mark the edges (e,) near the outline of `extent` that are longer than its width at slender places."""
+    """Mark the edges (e,) near the outline of an extent that are longer than `extent.width`."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)

@@ -287,7 +287,7 @@ class _Plane:
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """Return the prism through the curves. depth : its depth to both sides; None to reach only the nearest part."""
+        """Return the prism through the curves. depth : its depth to both sides, metres; None as in `ClosedCurves`."""
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:
@@ -304,8 +304,8 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return the ends of the prism, as distances (m) from the plane of the curves. Each end is halfway between the
-        part of the surface nearest to the plane and the next part along lines normal to the plane."""
+        """Return the ends of the prism, as distances (m) from the curves' plane; infinite if no other part limits it.
+        Each end is halfway between the part nearest to the plane and the next part along lines normal to the plane."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():

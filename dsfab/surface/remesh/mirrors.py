@@ -234,7 +234,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part towards a weighted sum of all vertices. The sum rotates with the surface, and so the part."""
+        """Return the part towards a weighted sum of all vertices. The sum and the part rotate with the surface."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 

@@ -65,7 +65,7 @@ class Boxes:
     key: Ints
 
     def neighbours(self, box: Ints, step: Ints) -> Ints:
-        """Return the numbers (k,) of the boxes one grid step (3,) away from each given box; -1 without such a box."""
+        """Return the numbers (k,) of the boxes at a grid step (3,) from each given box; -1 without such a box."""
         _, ny, nz = self.grid.shape
         return np.asarray(self.grid.ravel()[self.key[box] + (step[0] * ny + step[1]) * nz + step[2]])
 
@@ -131,7 +131,7 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
     """Return a mask (m,) of prisms that may turn inside out, the least cosine (m,) between the skin normals of each
-    prism and an axis, and the radii (m,). upper, lower : (3 xyz, 3 corners, m) corners of the skins, errors up to e.
+    prism and an axis, and the radii (m,). upper, lower : (3 xyz, 3 corners, m) corners, errors up to e = `error`.
     Largest errors: 3 r^2 e in a determinant of vectors of length r; 4 s e in the normal of a triangle with sides s."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]

@@ -77,7 +77,7 @@ class Footing:
         return cls(points, up, float(surface.mean_edge), anchor) if len(points) and anchor else None
 
     def legs(self, points: Floats, normals: Floats, widths: Sequence[float]) -> dict[int, Leg | None]:
-        """Return, by node number, the `Leg` of each of the nodes (q, 3) at supports; None if the surface is flat."""
+        """Return, by node number, the `Leg` of each of the nodes (q, 3) at supports; None on a level surface."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         legs: dict[int, Leg | None] = {}
         limits = self.reach + 0.75 * np.asarray(widths)  # largest distance from a node to its support (m)
@@ -138,7 +138,7 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
             f"{min(angles):.0f} to {max(angles):.0f} degrees"
         )
     if flat:
-        reason = "at this node, the surface is less steep than 5 degrees, or a bar is where the leg would be"
+        reason = "the surface there is less steep than 5 degrees, or a bar is where the leg would be"
         sentences.append(f"no leg at {names_and_count(flat)}: {reason}")
     return sentences
 

@@ -134,7 +134,7 @@ class PlankPlan:
         if planks.stuck:
             name, angle = max(planks.stuck.items(), key=itemgetter(1))
             return (
-                f"would not slide together: slots of {len(planks.stuck)} planks differ by up to "
+                f"would not slide together: slots of {len(planks.stuck)} of them differ by up to "
                 f"{np.degrees(angle):.0f} degrees from their middle direction ({name})"
             )
         return ""
@@ -257,7 +257,7 @@ def _omission_lines(plan: PlankPlan) -> Iterator[str]:
     if planks.shortened:
         yield (
             f"{names_and_count(planks.shortened)} {stopping_clause(len(planks.shortened))} another plank of the family "
-            "or would curl up" + (f"; they miss {names_and_count(planks.missed_nodes)}" if planks.missed_nodes else "")
+            "or curl up" + (f"; not reached: {names_and_count(planks.missed_nodes)}" if planks.missed_nodes else "")
         )
     if planks.vanished:
         yield f"NOT BUILT, because other planks of the same family are in the way: {names_and_count(planks.vanished)}"

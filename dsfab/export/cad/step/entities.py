@@ -422,7 +422,7 @@ def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
 
 
 def check(part: Part, report: dict[str, float]) -> ReadBack:
-    """Compare OCCT's report with the part and return it. Raises ExportError if triangles or volume (0.1 %) differ."""
+    """Return the content read back. Raises ExportError if OCCT reports other triangles or another volume (0.1 %)."""
     require_equal(part, "triangles", len(part.F), int(report["triangles"]))
     if not abs(report["volume"] - part.volume) <= READ_BACK * part.volume:
         raise ExportError(f"OCCT reads another volume in the STEP file of {part.name!r}; write step = 'faceted'")

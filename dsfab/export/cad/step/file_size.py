@@ -127,7 +127,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
     """Return the solid with fewer triangles. Its `note` has the measured distance and the change of volume.
     The distance between both surfaces is at most `tolerance` (mm). The volume changes by at most 0.5 %. The result has
     no new crossings, and at most 9/10 of the triangles.
-    Raises ExportError if that fails, and BudgetError if far more planar faces remain than a limit `step_faces`."""
+    Raises ExportError if that fails; BudgetError if far more planar faces remain than `step_faces` (0: no limit)."""
     worth = 0.9  # at most this fraction of the triangles may remain
     stride = 1.6  # each try has 1.6 times the tolerance (in manifold3d) of the try before
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance

@@ -208,7 +208,7 @@ def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
 def members_clause(refused: Sequence[ExportError]) -> str:
     """Explain why step = 'members' failed before a smooth file was written; "" if dsfab did not try it."""
     why = [error.reason if isinstance(error, BudgetError) else str(error) for error in refused if _is_by_members(error)]
-    return f"; not by members, since {why[-1].removeprefix('by members ')}" if why else ""
+    return f"; not by members, since {why[-1].removeprefix('by members, ')}" if why else ""
 
 
 def _is_by_members(error: ExportError) -> bool:

@@ -148,7 +148,7 @@ def require_solid(
     _require(gap <= widest, f"the solid of step = 'members' has a gap of {gap:.3g} mm, wider than {widest:.3g} mm")
     low, high = np.array([finding.box for finding in findings]).reshape(-1, 2, 3).transpose(1, 0, 2)
     box = box_fault(part, [*low.min(axis=0).tolist(), *high.max(axis=0).tolist()], plan.limits, wide_box)
-    _require(not box, f"by members {box}")
+    _require(not box, f"by members, {box}")
     _require(bool(triangles), "OCCT makes no triangles of a face of the solid of step = 'members'", RoughError)
     gate, forth, back = plan.gate, triangles[0].there, triangles[0].back
     volume, mesh_volume = sum(finding.volume for finding in findings), float(gate.volumes.sum())
@@ -165,7 +165,7 @@ def require_solid(
 def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> str:
     use = sampled_use(part, shape, draft.faces, plan.limits, ".bin")
     if use.fault:
-        raise ExportError(f"by members {use.fault}")
+        raise ExportError(f"by members, {use.fault}")
     return "a half-space cut valid" if use.tried else f"no trial cut: the solid has over {MOST_FACES} faces"
 
 

@@ -209,7 +209,7 @@ def require_few_faces(part: Part, faces: int) -> None:
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
         raise ManyFacesError(
-            f"along members, the file would have at least {faces} faces, "
+            f"by members, the file would have at least {faces} faces, "
             f"more than the {limit} that dsfab tries without a request"
         )
 

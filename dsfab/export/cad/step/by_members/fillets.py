@@ -79,7 +79,7 @@ def turn_at(three: Floats) -> float:
 
 
 class _Arcs:
-    """Arcs of round corners. A short wall between an arc's end and the next corner becomes a part of the arc."""
+    """Arcs of round corners. A short wall beyond the border at an arc's end becomes a part of the arc."""
 
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs

@@ -171,7 +171,7 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
     """Return where to cut an edge, so that fillets fit at its ends: fractions of the edge's length.
     halves : length of the fillet at each end, divided by its radius."""
-    shortest_cut = 0.1  # each part of a cut edge is longer than this fraction of the edge
+    shortest_cut = 0.1  # the part between two cuts, or beyond a single cut, is at least this fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
     for end, half in enumerate(halves):

@@ -35,7 +35,7 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
     box           : OCCT's bounding box of the solids, six numbers, mm.
     sound         : number of half-space cuts with two valid halves and volume errors below both limits. Trials end
                     with the first failure, unless `every_cut` is set.
-    worst, alone  : largest relative volume error of the valid cuts: of both halves as one shape, and of single halves.
+    worst, alone  : largest relative volume error of the valid cuts: both halves as one shape, and each measured alone.
     missed        : relative volume error of each unsound cut; 1 for an invalid half, 0 for a sound cut.
     boxed         : True if a cut with a box gives two sound parts.    box_missed : as `missed`, for this cut.
     closed        : True if the curves in which a plane cuts the solid have no open ends.
