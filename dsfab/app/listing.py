@@ -141,11 +141,12 @@ def _show_mesh(path: Path, source: Source) -> bool:
 def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str | None]:
     """Return whether `dsfab build` takes a mesh, with a text, and the unit that it takes for the file's numbers."""
     from dsfab.preset.proposal import propose
+    from dsfab.surface import unit_guess
 
     try:
         proposal = propose(path, source.unit, source.up, None, source.max_triangles, raw, source.wishes)
     except (SurfaceError, PresetError) as error:
-        return False, "refuses it: " + str(error).removeprefix(f"{path}: "), source.unit
+        return False, "refuses it: " + str(error).removeprefix(f"{path}: "), source.unit or unit_guess(raw)
     unit = proposal.given.choice.unit
     choices = {decision.topic: decision.choice for decision in proposal.decisions}
     if "pieces" in choices:

@@ -212,7 +212,7 @@ def alternatives(
     solved: Mapping[str, AnsweredLoad] | None = None,
 ) -> tuple[Alternative, ...]:
     """Compare a structure with the structures `names` of `ALTERNATIVE_WORDS`, which have the mass of the design.
-    solved : answers of an earlier judgement of the structure, which then is not solved again."""
+    solved : answers of an earlier judgement of the structure, which then is not judged by another solve."""
     makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
     return tuple(makers[name](task, structure, partial(quick, solved=solved)) for name in names)
 

@@ -152,7 +152,8 @@ def _comparison(
     report: NameReport | None,
 ) -> Comparison:
     full_variant = Variant("", lambda: Structure.uncut(task.surface, task.preset.statics.thickness))
-    full = _competitor(task, "full", [full_variant], judges[0], refuse=True)
+    full_judge, rival_judge = (_without_answers(judge) for judge in judges)
+    full = _competitor(task, "full", [full_variant], full_judge, refuse=True)
     entered = []
     for name, baseline in rivals.items():
         if report:
@@ -164,23 +165,31 @@ def _comparison(
             entered.append(Competitor(name, error=str(error), seconds=time.perf_counter() - start))
             continue
         late = time.perf_counter() - start
-        rival = _competitor(task, name, variants, judges[1])
+        rival = _competitor(task, name, variants, rival_judge)
         entered.append(replace(rival, seconds_made=rival.seconds_made + late, seconds=rival.seconds + late))
     return Comparison(task.preset.name, task, full, design, tuple(entered))
+
+
+def _without_answers(judge: Judge) -> Judge:
+    """Return a judge that does not keep the solved answers, to save memory."""
+    return _quick_judgement if judge is quick else lambda task, structure: replace(judge(task, structure), solved={})
+
+
+def _quick_judgement(task: ComparisonTask, structure: Structure) -> Judgement:
+    return replace(quick(task, structure), solved={})
 
 
 def _competitor(
     task: ComparisonTask, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False
 ) -> Competitor:
     start, making, solved_variants, errors = time.perf_counter(), 0.0, [], []
-    several, is_design, structure = len(variants) > 1, name == "design", None
+    several, structure = len(variants) > 1, None
     for variant in variants:
         before = time.perf_counter()
         try:
             structure = variant.make()
             making += time.perf_counter() - before
-            judgement = (quick if several else judge)(task, structure)
-            solved_variants.append((variant.says, structure, judgement if is_design else replace(judgement, solved={})))
+            solved_variants.append((variant.says, structure, (_quick_judgement if several else judge)(task, structure)))
         except DsfabError as error:
             if refuse:
                 raise
@@ -193,7 +202,7 @@ def _competitor(
         return lost if several or structure is None else _with_measures(task, lost, structure)
     says, structure, judgement = solved_variants[int(np.argmin(values))]
     try:
-        judgement = replace(judge(task, structure), solved={}) if several and judge is not quick else judgement
+        judgement = judge(task, structure) if several and judge is not _quick_judgement else judgement
     except DsfabError as error:
         return Competitor(name, says, spread=spread, error=str(error), seconds=time.perf_counter() - start)
     entered = Competitor(name, says, judgement=judgement, spread=spread, seconds_made=making)
@@ -307,7 +316,7 @@ def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
         if structure.cells is not structure.sheet:
             return cut(task, structure)
         if structure.thickness not in judgements:
-            judgements[structure.thickness] = whole_judge(task, structure)
+            judgements[structure.thickness] = _without_answers(whole_judge)(task, structure)
         return judgements[structure.thickness]
 
     return judge

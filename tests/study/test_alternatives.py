@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +17,7 @@ from dsfab.report.compliance.findings import Findings
 from dsfab.report.html_pages import CaptionNumbers
 from dsfab.results import Candidate
 from dsfab.study import alternatives as module
+from dsfab.study import judges
 from dsfab.study.alternatives import Alternative, alternatives, design_alternatives, is_searched, losing_line
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
 from dsfab.study.comparison import comparison
@@ -93,8 +95,15 @@ def test_the_best_pair_of_isotropic_stripes_is_that_of_the_comparison(pulled):
     assert found.over == pytest.approx(_compliance(task, own) / made[found.variant], rel=1e-3)
 
 
-def test_a_judged_design_is_not_solved_again(pulled, monkeypatch):
-    """Its answers serve the isotropic alternative; competitors keep none, because each has many variants."""
+def test_a_judged_design_is_judged_by_one_solve(pulled, monkeypatch):
+    """Its answers serve the isotropic alternative and the report; competitors keep none, to save memory."""
+    solved, solve = [], judges.solved_loads
+
+    def counted(task, structure, every=False):
+        solved.append(structure)
+        return solve(task, structure, every)
+
+    monkeypatch.setattr(judges, "solved_loads", counted)
     task, own = task_of(pulled)
     judged = quick(task, own)
     (found,) = alternatives(task, own, ["isotropic"])
@@ -102,9 +111,12 @@ def test_a_judged_design_is_not_solved_again(pulled, monkeypatch):
     halved = {name: replace(one, equilibrium=half_as_soft(one.equilibrium)) for name, one in judged.solved.items()}
     (stiffer,) = alternatives(task, own, ["isotropic"], halved)
     assert stiffer.over == pytest.approx(found.over / 2)
-    compared = comparison(pulled, ["thinner"])
-    assert set(compared.design.judgement.solved) == set(task.loads)
-    assert not any(one.judgement.solved for one in compared.rivals)
+    solved.clear()
+    for judge in (quick, partial(judges.full, budget=4e9)):
+        compared = comparison(pulled, ["thinner", "grid"], judge).with_alternatives()
+        assert set(compared.design.judgement.solved) == set(task.loads)
+        assert not any(one.judgement.solved for one in (compared.full, *compared.rivals))
+    assert sum(one.sheet is own.sheet for one in solved) == 2
 
 
 def half_as_soft(answer):

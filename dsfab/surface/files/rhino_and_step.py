@@ -50,8 +50,8 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
     model = _model(path)
     runs, dots, count = list[tuple[str, Floats, bool]](), list[tuple[str, Floats, bool]](), 0
     drawing = _DrawnObjects(model, budget, hidden_layers=True)
-    for names, thing, place, hidden in drawing.all():
-        layer = names[1]
+    for (layers, *_), thing, place, hidden in drawing.all():
+        layer = layers[1]
         if isinstance(thing, rhino3dm.Curve):
             runs.append((layer, placed_points(_points(thing), place), hidden))
             count += len(runs[-1][1])
@@ -132,12 +132,14 @@ def _model(path: Path) -> Any:
     return model
 
 
+_Groups = tuple[tuple[str, ...], ...]
+
+
 class _DrawnObjects:
     """Iterator over the visible objects of a 3DM file; it yields the objects of a block at each insertion.
     layers        : names of each layer by its number: its path `A::B`, its own name, then those of the layers above.
     hidden        : numbers of the hidden layers, and of layers within them.
     hidden_layers : true to include the objects on hidden layers.
-    outermost     : names of the layers with visible objects that lie in no other layer.
     counts        : number of block insertions and hidden objects."""
 
     def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
@@ -152,52 +154,55 @@ class _DrawnObjects:
             self.layers[layer.Index] = ("::".join(names[::-1]), *names)
             if not all(entry.Visible for entry in chain):
                 self.hidden.add(layer.Index)
-        filled = {thing.Attributes.LayerIndex for thing in model.Objects} - self.hidden
-        self.outermost = {self.layers[index][-1] for index in filled & self.layers.keys()}
         self.counts = Counter[Content]()
 
     def surfaces(self) -> Iterator[tuple[tuple[str, ...], tuple[Any, list[Any] | None, Floats]]]:
-        """Yield the names of each surface or mesh, its geometry, its meshes and its matrix; count other objects."""
-        for names, thing, place, _ in self.all():
+        """Yield the names of each surface or mesh, its geometry, its meshes and its matrix; count other objects.
+        An inner layer that has the name of an outermost layer is named by its path only."""
+        parts = list[tuple[_Groups, tuple[Any, list[Any] | None, Floats]]]()
+        for groups, thing, place, _ in self.all():
             meshes, name = _meshes(thing), type(thing).__name__
             if meshes or meshes is None:
-                inner = names[0].count("::")  # an inner layer with the name of an outermost layer needs its path
-                selectable = (name for k, name in enumerate(names[1:]) if k >= inner or name not in self.outermost)
-                yield (names[0], *selectable), (thing, meshes, place)
+                parts.append((groups, (thing, meshes, place)))
             else:
                 kind = _KINDS.get(name, f"{name} object")
-                self.counts[mark(kind, names[1]) if name in _KINDS else Content(kind, "dropped")] += 1
+                self.counts[mark(kind, groups[0][1]) if name in _KINDS else Content(kind, "dropped")] += 1
+        outermost = {layer[-1] for groups, _ in parts for layer in groups[::2]}
+        for groups, part in parts:
+            layers = [(x[0], *(name for name in x[1:-1] if name not in outermost), x[-1]) for x in groups[::2]]
+            yield tuple(name for pair in zip(layers, groups[1::2], strict=True) for x in pair for name in x), part
 
-    def all(self) -> Iterator[tuple[tuple[str, ...], Any, Floats, bool]]:
+    def all(self) -> Iterator[tuple[_Groups, Any, Floats, bool]]:
         """Yield each object outside block definitions: names, geometry, matrix (4, 4), and True on a hidden layer.
-        The names are of the object's layer (see `layers`), of the object, and of the blocks that contain it."""
+        Groups of names: of the object's layer (see `layers`), of the object, then of the layer of each insertion around
+        the object, and of this insertion and its block, innermost first."""
         self.budget.require("entities", len(self.model.Objects))
         objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return self.objects(objects, np.eye(4), ())
 
     def objects(
-        self, things: Iterable[Any], place: Floats, blocks: tuple[tuple[str, ...], ...], hidden: bool = False
-    ) -> Iterator[tuple[tuple[str, ...], Any, Floats, bool]]:
-        """Yield the objects as `all` does. blocks : names of each enclosing block insertion, innermost first."""
+        self, things: Iterable[Any], place: Floats, blocks: _Groups, hidden: bool = False
+    ) -> Iterator[tuple[_Groups, Any, Floats, bool]]:
+        """Yield the objects as `all` does. blocks : groups of names of the insertions around the objects."""
         import rhino3dm
 
-        if len(blocks) > self.budget.depth:
+        if len(blocks) > 2 * self.budget.depth:  # an insertion has two groups
             raise MalformedFileError(f"the file's blocks are nested more than {self.budget.depth} deep")
         for thing in things:
             self.count += 1
             self.budget.require("entities", self.count)
-            names = (*self.layers.get(thing.Attributes.LayerIndex, ("", "")), thing.Attributes.Name)
+            layers, name = self.layers.get(thing.Attributes.LayerIndex, ("", "")), thing.Attributes.Name
             is_hidden = hidden or thing.Attributes.LayerIndex in self.hidden
             if not thing.Attributes.Visible or (is_hidden and not self.hidden_layers):
-                self.counts[hidden_on(names[1])] += 1
+                self.counts[hidden_on(layers[1])] += 1
             elif isinstance(thing.Geometry, rhino3dm.InstanceReference):
                 matrix = _matrix(thing.Geometry.Xform)
                 self.counts[Content("mirrored block insertion" if is_mirrored(matrix) else "block insertion")] += 1
                 block = self.model.InstanceDefinitions.FindId(thing.Geometry.ParentIdefId)
                 inside = self._block_objects(block)
-                yield from self.objects(inside, place @ matrix, ((*names, block.Name), *blocks), is_hidden)
+                yield from self.objects(inside, place @ matrix, (layers, (name, block.Name), *blocks), is_hidden)
             else:
-                yield (*names, *(name for of_block in blocks for name in of_block)), thing.Geometry, place, is_hidden
+                yield (layers, (name,), *blocks), thing.Geometry, place, is_hidden
 
     def _block_objects(self, block: Any) -> list[Any]:
         """Return the content of a block; raises MalformedFileError if the file lacks it, for example a linked block."""
@@ -236,11 +241,10 @@ def read_occt(path: Path, only: Sequence[str] = ()) -> TriangleFile:
     from OCP.TopAbs import TopAbs_FACE
     from OCP.TopExp import TopExp_Explorer
 
-    counts, box = Counter[Content](), Bnd_Box()
-    shape = _shape(path, only, counts)
-    other_files = _other_files(path)
+    counts, box, other_files = Counter[Content](), Bnd_Box(), _other_files(path)
     if other_files:
         counts[Content("part", "dropped", f"in other files: {names_and_count(other_files)}")] = len(other_files)
+    shape = _shape(path, only, counts)
     BRepBndLib.Add_s(shape, box)
     faces = TopExp_Explorer(shape, TopAbs_FACE)
     if not faces.More() or box.IsVoid():
@@ -308,9 +312,10 @@ _ELSEWHERE = re.compile(rb"\bAPPLIED_EXTERNAL_IDENTIFICATION_ASSIGNMENT\s*\(\s*'
 
 
 def _other_files(path: Path) -> list[str]:
-    """Return the names of the files in which a STEP assembly keeps its parts [AP 214, external references]."""
-    names = [] if path.suffix.lower() == ".brep" else _ELSEWHERE.findall(path.read_bytes())
-    return [name.decode("utf-8", "replace") for name in dict.fromkeys(names)]
+    """Return the names of the STEP files in which an assembly keeps its parts [AP 214, external references]."""
+    found = [] if path.suffix.lower() == ".brep" else _ELSEWHERE.findall(path.read_bytes())
+    names = (name.decode("utf-8", "replace") for name in dict.fromkeys(found))
+    return [name for name in names if name.lower().endswith((".stp", ".step", ".p21"))]  # documents are no parts
 
 
 _NOT_STEP = "the file is not a STEP file with shapes, or it is cut off"

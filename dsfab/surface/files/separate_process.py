@@ -31,7 +31,8 @@ LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "
 
 
 def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the drawing of `read_rhino`; raises MalformedFileError also if the library crashes or is too slow."""
+    """Return the drawing of `read_rhino`; raises MalformedFileError also if the library crashes, SurfaceError if it is
+    too slow."""
     require_rhino()
     try:
         answer = json.loads(_program_output("drawing", path, budget.seconds))
@@ -87,8 +88,8 @@ def _program_output(kind: str, path: Path, timeout: float, only: Sequence[str] =
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(folder for folder in sys.path if folder)}
     process = subprocess.run(command, capture_output=True, env=environment, timeout=timeout, check=False)
     if process.returncode == TIME_OVER:
-        words = f"{LIBRARIES[kind]} needs more than {seconds} s of processor time for it"
-        raise SurfaceError(f"{words}; make it simpler, or export it as a mesh")
+        cure = "draw less into it" if kind == "drawing" else "make it simpler, or export it as a mesh"
+        raise SurfaceError(f"{LIBRARIES[kind]} needs more than {seconds} s of processor time for it; {cure}")
     if process.returncode:
         words = f"the file is damaged, or needs more than {MEMORY[kind] // GIB} GiB of memory"
         raise MalformedFileError(f"{words}: {LIBRARIES[kind]} stops while reading it")
