@@ -138,6 +138,11 @@ def test_inspect_lists_sizes_in_several_units_if_a_file_names_no_unit(capsys, tm
     _, out, _ = run(capsys, "inspect", str(tmp_path / "room.obj"))
     assert "(read as ft)" in out
     assert "likely unit  ft, as the file says\n" in out
+    tips = "v 0 0 0\nv 9 0 9\nv -9 9 9\nv -9 -9 9\nv 9 0 -9\nv -9 9 -9\nv -9 -9 -9\n".replace("9", "9000")
+    tips += "f 1 2 3\nf 1 3 4\nf 1 4 2\nf 1 6 5\nf 1 7 6\nf 1 5 7\n"
+    (tmp_path / "room.obj").write_text(tips)
+    code, out, _ = run(capsys, "inspect", str(tmp_path / "room.obj"))
+    assert (code, "likely unit  mm; " in out, "(read as mm)" in out) == (1, True, True)  # dsfab build refuses the file
 
 
 def test_inspect_reads_a_file_once_and_explains_why_it_is_no_manifold(capsys, tmp_path, monkeypatch):

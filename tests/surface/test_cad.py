@@ -13,6 +13,7 @@ from dsfab.preset.proposal import propose
 from dsfab.surface import describe, read_surface
 from dsfab.surface.files import drawings, separate_process
 from dsfab.surface.files.mesh_files import raw_mesh
+from dsfab.surface.files.reading import DrawingBudget
 from dsfab.surface.files.rhino_and_step import read_rhino
 from tests.shapes import grid
 from tests.surface.named_files import read_in_this_process, step_file
@@ -299,6 +300,8 @@ def test_foreign_readers_run_in_a_process_whose_crash_is_reported(tmp_path, monk
     monkeypatch.setattr(separate_process, "PROGRAM", endless)
     with pytest.raises(SurfaceError, match=r"plane.step: OCCT needs more than 60 s of processor time for it; make it"):
         read_surface(step)
+    with pytest.raises(SurfaceError, match=r"Rhino's library needs more than 3 s of processor time for it; draw less"):
+        separate_process.read_rhino_in_process(rhino, DrawingBudget())
     monkeypatch.setattr(separate_process, "PROGRAM", "import time; time.sleep(30)")
     monkeypatch.setitem(separate_process.SECONDS, "cad", -239.9)
     with pytest.raises(SurfaceError, match="reading the file took more than 240 s; export it as a mesh"):

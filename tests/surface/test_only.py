@@ -92,6 +92,55 @@ def test_a_name_also_selects_the_parts_inside(name, write, words, tmp_path):
     assert surface.V[:, 2].min() == pytest.approx(0.7 if name == "assembly.step" else 0)
 
 
+def nested_3dm(path, *things):
+    """3DM: on the layers Top, Roof and Top::Roof, `things` are pairs of a geometry and the number of a layer."""
+    rhino3dm = pytest.importorskip("rhino3dm")
+    model = rhino3dm.File3dm()
+    model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Meters
+    for name, above in (("Top", None), ("Roof", None), ("Roof", 0)):
+        entry = rhino3dm.Layer()
+        entry.Name = name
+        if above is not None:
+            entry.ParentLayerId = model.Layers[above].Id
+        model.Layers.Add(entry)
+    mesh = rhino3dm.Mesh()
+    for point in ROOF.V.tolist():
+        mesh.Vertices.AddPoint3d(*point)
+    for face in ROOF.F.tolist():
+        mesh.Faces.AddFace(*face)
+    model.InstanceDefinitions.Add("bay", "", "", "", rhino3dm.Point3d(0, 0, 0), (mesh,), (on_layer(0),))
+    block = rhino3dm.InstanceReference(model.InstanceDefinitions[0].Id, rhino3dm.Transform(1.0))
+    line = rhino3dm.LineCurve(rhino3dm.Point3d(0, 0, 0), rhino3dm.Point3d(1, 0, 0))
+    add = {"mesh": (model.Objects.AddMesh, mesh), "line": (model.Objects.AddCurve, line)}
+    for thing, number in things:
+        if thing == "block":
+            model.Objects.AddInstanceObject(block, on_layer(number))
+        else:
+            add[thing][0](add[thing][1], on_layer(number))
+    assert model.Write(str(path), 7)
+    return path
+
+
+def on_layer(number):
+    about = pytest.importorskip("rhino3dm").ObjectAttributes()
+    about.LayerIndex = number
+    return about
+
+
+@pytest.mark.parametrize(
+    ("things", "left_out"),
+    [
+        ([("line", 1), ("mesh", 2)], 0),  # a layer with a line only is no rival
+        ([("mesh", 1), ("mesh", 2)], 1),
+        ([("mesh", 1), ("block", 2)], 1),
+        ([("block", 1), ("mesh", 2)], 1),
+    ],
+)
+def test_a_layer_of_a_3dm_file_is_the_outermost_of_its_name_that_holds_surfaces(things, left_out, tmp_path):
+    record = raw_mesh(nested_3dm(tmp_path / "roof.3dm", *things), only=["Roof"]).record
+    assert sum("unselected part" in text for text in record.dropped) == left_out
+
+
 def test_groups_and_objects_of_an_obj_file_have_names(tmp_path):
     path = tmp_path / "roof.obj"
     triangle = "f 1 2 3\n"

@@ -69,7 +69,8 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget, only: Sequence[str] = (
     Raises SurfaceError for a file whose surfaces have no saved meshes. See `read_rhino` for other errors."""
     model = _model(path)
     drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
-    for thing, meshes, place in selected_parts(drawing.surfaces(), only, drawing.counts):
+    named_parts = _by_selectable_names(list(drawing.surfaces())) if only else (((), x) for _, x in drawing.surfaces())
+    for thing, meshes, place in selected_parts(named_parts, only, drawing.counts):
         bare += meshes is None
         without_mesh = Content("surface", "dropped", "saved without its mesh")
         drawing.counts[without_mesh if meshes is None else Content(_KINDS[type(thing).__name__])] += 1
@@ -133,6 +134,16 @@ def _model(path: Path) -> Any:
 
 
 _Groups = tuple[tuple[str, ...], ...]
+_Surface = tuple[Any, list[Any] | None, Floats]
+
+
+def _by_selectable_names(parts: list[tuple[_Groups, _Surface]]) -> Iterator[tuple[tuple[str, ...], _Surface]]:
+    """Yield each part of `_DrawnObjects.surfaces` with the names that select it.
+    An inner layer that has the name of an outermost layer is selected by its path only."""
+    outermost = {layer[-1] for groups, _ in parts for layer in groups[::2]}
+    for groups, part in parts:
+        layers = [(x[0], *(name for name in x[1:-1] if name not in outermost), x[-1]) for x in groups[::2]]
+        yield tuple(name for pair in zip(layers, groups[1::2], strict=True) for names in pair for name in names), part
 
 
 class _DrawnObjects:
@@ -156,21 +167,15 @@ class _DrawnObjects:
                 self.hidden.add(layer.Index)
         self.counts = Counter[Content]()
 
-    def surfaces(self) -> Iterator[tuple[tuple[str, ...], tuple[Any, list[Any] | None, Floats]]]:
-        """Yield the names of each surface or mesh, its geometry, its meshes and its matrix; count other objects.
-        An inner layer that has the name of an outermost layer is named by its path only."""
-        parts = list[tuple[_Groups, tuple[Any, list[Any] | None, Floats]]]()
+    def surfaces(self) -> Iterator[tuple[_Groups, _Surface]]:
+        """Yield the names of each surface or mesh (see `all`), its geometry, meshes and matrix; count other objects."""
         for groups, thing, place, _ in self.all():
             meshes, name = _meshes(thing), type(thing).__name__
             if meshes or meshes is None:
-                parts.append((groups, (thing, meshes, place)))
+                yield groups, (thing, meshes, place)
             else:
                 kind = _KINDS.get(name, f"{name} object")
                 self.counts[mark(kind, groups[0][1]) if name in _KINDS else Content(kind, "dropped")] += 1
-        outermost = {layer[-1] for groups, _ in parts for layer in groups[::2]}
-        for groups, part in parts:
-            layers = [(x[0], *(name for name in x[1:-1] if name not in outermost), x[-1]) for x in groups[::2]]
-            yield tuple(name for pair in zip(layers, groups[1::2], strict=True) for x in pair for name in x), part
 
     def all(self) -> Iterator[tuple[_Groups, Any, Floats, bool]]:
         """Yield each object outside block definitions: names, geometry, matrix (4, 4), and True on a hidden layer.
