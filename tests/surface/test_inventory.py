@@ -537,14 +537,14 @@ def test_faces_and_curves_of_step_files_are_counted_as_build123d_counts_them(tmp
 
 
 def assembly_with_other_files(path, shape):
-    """STEP file of a shape and of parts in two other files, one of them twice [AP 214, external references]."""
+    """STEP file of a shape, of parts in two files, one of them twice, and of a document [AP 214, external references]."""
     pytest.importorskip("build123d").export_step(shape, str(path))
     lines = [
         f"#{number}=APPLIED_EXTERNAL_IDENTIFICATION_ASSIGNMENT('{name}',#{number + 1},#{number + 2},(#{number + 3}));\n"
         f"#{number + 1}=IDENTIFICATION_ROLE('external document id and location',$);\n"
         f"#{number + 2}=EXTERNAL_SOURCE(IDENTIFIER('{name}'));\n"
         f"#{number + 3}=DOCUMENT_FILE('{name}','','',#{number + 4},'',$);\n#{number + 4}=DOCUMENT_TYPE('geometry');\n"
-        for number, name in ((90000, "wall.stp"), (90010, "wall.stp"), (90020, "arch.stp"))
+        for number, name in ((90000, "wall.stp"), (90010, "wall.stp"), (90020, "arch.stp"), (90030, "plan.pdf"))
     ]
     text = path.read_text()
     end = text.rindex("ENDSEC;")
