@@ -537,7 +537,7 @@ def test_faces_and_curves_of_step_files_are_counted_as_build123d_counts_them(tmp
 
 
 def assembly_with_other_files(path, shape):
-    """STEP file of a shape, of parts in two files, one of them twice, and of a document [AP 214, external references]."""
+    """STEP file of a shape, of parts in two files, one of them twice, and of a document [AP 214]."""
     pytest.importorskip("build123d").export_step(shape, str(path))
     lines = [
         f"#{number}=APPLIED_EXTERNAL_IDENTIFICATION_ASSIGNMENT('{name}',#{number + 1},#{number + 2},(#{number + 3}));\n"
