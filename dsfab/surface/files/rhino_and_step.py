@@ -318,8 +318,8 @@ _ELSEWHERE = re.compile(rb"\bAPPLIED_EXTERNAL_IDENTIFICATION_ASSIGNMENT\s*\(\s*'
 
 def _other_files(path: Path) -> list[str]:
     """Return the names of the STEP files in which an assembly keeps its parts [AP 214, external references]."""
-    found = [] if path.suffix.lower() == ".brep" else _ELSEWHERE.findall(path.read_bytes())
-    names = (name.decode("utf-8", "replace") for name in dict.fromkeys(found))
+    references = [] if path.suffix.lower() == ".brep" else _ELSEWHERE.findall(path.read_bytes())
+    names = (name.decode("utf-8", "replace") for name in dict.fromkeys(references))
     return [name for name in names if name.lower().endswith((".stp", ".step", ".p21"))]  # documents are no parts
 
 
