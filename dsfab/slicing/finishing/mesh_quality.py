@@ -181,8 +181,7 @@ class CollapseMoves(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A mesh after a round of collapses or flips, and their number. In all other places a next round finds nothing new.
-
+    """A mesh after a round of collapses or flips, and their number. Elsewhere the next round finds nothing.
     zone : (n',) mask of vertices at a cell that the round changed, or may change in the next round."""
 
     mesh: CellMesh
@@ -237,9 +236,7 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
 
 
 def _candidates(cut: CellMesh, zone: Bools) -> CollapseMoves:
-    """Return moves of new vertices along edges of material triangles with an angle under 25 degrees.
-
-    zone : (n',) mask of vertices; each edge has such an end."""
+    """Return moves of new vertices along edges with an end in `zone` (n',), of material triangles under 25 degrees."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
     edge = edge[zone[cut.surface.edges.ends[edge]].any(axis=1)]

@@ -31,8 +31,7 @@ LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "
 
 
 def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the drawing of `read_rhino`; raises MalformedFileError also if the library crashes, SurfaceError if it is
-    too slow."""
+    """Return the drawing of `read_rhino`; raises MalformedFileError also if the library crashes."""
     require_rhino()
     try:
         answer = json.loads(_program_output("drawing", path, budget.seconds))
