@@ -151,10 +151,11 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str
     choices = {decision.topic: decision.choice for decision in proposal.decisions}
     if "pieces" in choices:
         return False, "refuses it: " + choices["pieces"], unit
-    mended = [decision.choice for decision in proposal.decisions if decision.topic == "mended"]
+    mended, sheets = ([x.choice for x in proposal.decisions if x.topic == topic] for topic in ("mended", "sheets"))
     turned = [text for text in proposal.given.repaired if "turned over" in text]
-    sheets = [decision.choice for decision in proposal.decisions if decision.topic == "sheets"]
-    return True, "; ".join(["takes it", *(f"it mends: {text}" for text in mended), *turned, *sheets]), unit
+    then = f"the surface then has {count_phrase(proposal.given.surface.m, 'triangle')} and "
+    size = [f"{then}{proposal.given.surface.area:.4g} m2"] if mended else []
+    return True, "; ".join(["takes it", *(f"it mends: {text}" for text in mended), *size, *turned, *sheets]), unit
 
 
 def _unit_words(facts: "MeshFacts") -> str:

@@ -152,8 +152,7 @@ def _comparison(
     report: NameReport | None,
 ) -> Comparison:
     full_variant = Variant("", lambda: Structure.uncut(task.surface, task.preset.statics.thickness))
-    full_judge, rival_judge = (_without_answers(judge) for judge in judges)
-    full = _competitor(task, "full", [full_variant], full_judge, refuse=True)
+    full = _competitor(task, "full", [full_variant], _without_answers(judges[0]), refuse=True)
     entered = []
     for name, baseline in rivals.items():
         if report:
@@ -165,7 +164,7 @@ def _comparison(
             entered.append(Competitor(name, error=str(error), seconds=time.perf_counter() - start))
             continue
         late = time.perf_counter() - start
-        rival = _competitor(task, name, variants, rival_judge)
+        rival = _competitor(task, name, variants, _without_answers(judges[1]))
         entered.append(replace(rival, seconds_made=rival.seconds_made + late, seconds=rival.seconds + late))
     return Comparison(task.preset.name, task, full, design, tuple(entered))
 

@@ -202,8 +202,8 @@ def test_without_ifcopenshell_the_message_names_the_extra(tmp_path, monkeypatch)
         raw_mesh(path)
 
 
-@pytest.mark.parametrize("suffix", ["ifczip", "ifcxml"])
-def test_other_files_of_bim_programs_need_another_export(suffix, tmp_path):
+@pytest.mark.parametrize("suffix", ["ifczip", "ifcxml", "dae", "fbx"])
+def test_files_of_other_programs_need_another_export(suffix, tmp_path):
     with pytest.raises(SurfaceError, match=f"suffix '.{suffix}', which dsfab does not read; export the surface as"):
         raw_mesh(tmp_path / f"roof.{suffix}")
 

@@ -113,7 +113,7 @@ class RawMesh:
 
 CAD_SUFFIXES = (
     *(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t", ".ifczip", ".ifcxml"),
-    *(".fbx", ".blend", ".rvt", ".gh"),
+    *(".fbx", ".dae", ".blend", ".rvt", ".gh"),
 )
 """Suffixes of files of CAD programs that dsfab does not read."""
 
