@@ -319,7 +319,7 @@ def flip_edges(cut: CellMesh, zone: Bools) -> Change:
      /|\          / \        Both cells must have the same family and the same uncut face.
     a | b   ->   a---b
      \|/          \ /
-        d            d
+      d            d
 
     zone : (n',) mask of vertices; one of the two cells has three such vertices."""
     h, g = cut.surface.edges.pairs.T
